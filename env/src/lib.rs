@@ -4,10 +4,30 @@
 //! Units are metres and radians, `y` is up; see [`pose`] for headings and [`window`] for image axes.
 
 pub mod pose;
-pub mod predict;
 pub mod seed;
 pub mod window;
 
+pub mod scene;
+pub mod sensor;
+
+pub mod coverage;
+pub mod encode;
+pub mod map;
+pub mod predict;
+
+pub mod goal;
+pub mod path;
+pub mod policy;
+
+pub mod episode;
+pub mod label;
+pub mod metrics;
+
+pub use episode::{Action, Episode, SimConfig, World};
+pub use map::MapView;
+pub use policy::Policy;
 pub use pose::{Direction, Heading, Lattice, LatticePose, Node, Pose};
 pub use predict::{EncoderInput, ObstacleMap, PredictError, Prediction, Predictor, ValueMap};
+pub use scene::Scene;
+pub use seed::{Rng, SeedTree};
 pub use window::Window;

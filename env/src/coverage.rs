@@ -1,0 +1,229 @@
+//! Which ground-truth surface points have been reconstructed: the labels' and the metric's common source.
+//!
+//! A point is covered once a kept point of the cloud lies closer than ε (paper, equation 2). The answer is exact.
+
+use crate::scene::{Scene, surface};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// How coverage is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CoverageConfig {
+    /// Ground-truth points (released code: 20,000 in training, 50,000 in testing).
+    pub points: usize,
+    /// Distance within which a point counts, metres (released code: 0.5).
+    pub epsilon: f32,
+}
+
+impl Default for CoverageConfig {
+    fn default() -> Self {
+        Self { points: 20_000, epsilon: 0.5 }
+    }
+}
+
+/// More cells than this cost more memory than they save time.
+const MAX_CELLS: f32 = 4e6;
+
+/// Ground-truth points, filed under every grid cell from which they can be covered. Shared by all episodes of a scene.
+#[derive(Debug)]
+pub struct Surface {
+    points: Vec<Vec3>,
+    epsilon: f32,
+    low: Vec3,
+    cell: f32,
+    shape: [usize; 3],
+    /// Where the candidates of each cell begin in `candidates`; one longer than there are cells.
+    begin: Vec<u32>,
+    candidates: Vec<u32>,
+}
+
+impl Surface {
+    /// Samples the surface of a scene.
+    pub fn of(scene: &Scene, config: &CoverageConfig) -> Self {
+        Self::new(surface::sample(scene, config.points), config.epsilon)
+    }
+
+    /// Files `points`, to be covered within `epsilon` metres.
+    pub fn new(points: Vec<Vec3>, epsilon: f32) -> Self {
+        let bounds = |acc: [Vec3; 2], &p: &Vec3| [acc[0].min(p), acc[1].max(p)];
+        let first = points.first().copied().unwrap_or_default();
+        let [low, high] = points.iter().fold([first; 2], bounds);
+        let (low, extent) = (low - epsilon, high - low + 2.0 * epsilon);
+        let cells_at = |cell: f32| (extent / cell).floor() + 1.0;
+        let mut cell = epsilon.max(1e-3);
+        while cells_at(cell).element_product() > MAX_CELLS {
+            cell *= 1.25;
+        }
+        let shape = cells_at(cell).to_array().map(|n| n as usize);
+        let mut surface =
+            Self { points, epsilon, low, cell, shape, begin: Vec::new(), candidates: Vec::new() };
+        surface.file_points();
+        surface
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True without points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points, metres.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
+    fn file_points(&mut self) {
+        let mut counts = vec![0_u32; self.shape.iter().product::<usize>() + 1];
+        for index in 0..self.points.len() {
+            self.cells_near(self.points[index], |cell| counts[cell + 1] += 1);
+        }
+        for cell in 1..counts.len() {
+            counts[cell] += counts[cell - 1];
+        }
+        self.candidates = vec![0; counts.last().copied().unwrap_or(0) as usize];
+        self.begin.clone_from(&counts);
+        let mut candidates = std::mem::take(&mut self.candidates);
+        for index in 0..self.points.len() {
+            self.cells_near(self.points[index], |cell| {
+                candidates[counts[cell] as usize] = index as u32;
+                counts[cell] += 1;
+            });
+        }
+        self.candidates = candidates;
+    }
+
+    /// Calls `visit` for every cell with a part within ε of `point`.
+    fn cells_near(&self, point: Vec3, mut visit: impl FnMut(usize)) {
+        let local = point - self.low;
+        let last = |axis: usize| self.shape[axis] - 1;
+        let range = |axis: usize| {
+            let (from, to) = ((local[axis] - self.epsilon) / self.cell, (local[axis] + self.epsilon) / self.cell);
+            from.max(0.0) as usize..=(to as usize).min(last(axis))
+        };
+        for x in range(0) {
+            for y in range(1) {
+                for z in range(2) {
+                    let corner = Vec3::new(x as f32, y as f32, z as f32) * self.cell;
+                    let nearest = local.clamp(corner, corner + self.cell);
+                    // A hair more than ε: rounding here must not lose what the exact test would accept.
+                    if nearest.distance_squared(local) <= self.epsilon * self.epsilon * 1.0001 {
+                        visit((x * self.shape[1] + y) * self.shape[2] + z);
+                    }
+                }
+            }
+        }
+    }
+
+    fn cell_of(&self, point: Vec3) -> Option<usize> {
+        let local = (point - self.low) / self.cell;
+        let inside = local.cmpge(Vec3::ZERO).all();
+        let [x, y, z] = local.to_array().map(|v| v as usize);
+        (inside && x < self.shape[0] && y < self.shape[1] && z < self.shape[2])
+            .then(|| (x * self.shape[1] + y) * self.shape[2] + z)
+    }
+}
+
+/// The step that stands for "never".
+const NEVER: u32 = u32::MAX;
+
+/// What one episode has covered so far.
+#[derive(Debug, Clone)]
+pub struct Coverage {
+    /// Candidates as in [`Surface`], those still uncovered first in each cell.
+    candidates: Vec<u32>,
+    /// How many of a cell's candidates may still be uncovered.
+    left: Vec<u32>,
+    first: Vec<u32>,
+    covered: usize,
+}
+
+impl Coverage {
+    /// Nothing covered.
+    pub fn new(surface: &Surface) -> Self {
+        Self {
+            candidates: surface.candidates.clone(),
+            left: surface.begin.windows(2).map(|w| w[1] - w[0]).collect(),
+            first: vec![NEVER; surface.len()],
+            covered: 0,
+        }
+    }
+
+    /// Counts points of the reconstruction taken at `step`.
+    pub fn add(&mut self, surface: &Surface, cloud: &[Vec3], step: u32) {
+        let epsilon_squared = surface.epsilon * surface.epsilon;
+        for &point in cloud {
+            let Some(cell) = surface.cell_of(point) else { continue };
+            let begin = surface.begin[cell] as usize;
+            let mut left = self.left[cell] as usize;
+            let mut at = 0;
+            while at < left {
+                let candidate = self.candidates[begin + at] as usize;
+                let is_new = self.first[candidate] == NEVER;
+                if is_new && surface.points[candidate].distance_squared(point) >= epsilon_squared {
+                    at += 1;
+                    continue;
+                }
+                if is_new {
+                    self.first[candidate] = step;
+                    self.covered += 1;
+                }
+                left -= 1;
+                self.candidates.swap(begin + at, begin + left);
+            }
+            self.left[cell] = left as u32;
+        }
+    }
+
+    /// Number of covered points.
+    pub fn covered(&self) -> usize {
+        self.covered
+    }
+
+    /// Covered share, 0 to 1.
+    pub fn share(&self) -> f32 {
+        self.covered as f32 / self.first.len().max(1) as f32
+    }
+
+    /// The step at which each point was first covered.
+    pub fn first_step(&self, point: usize) -> Option<u32> {
+        self.first.get(point).copied().filter(|&step| step != NEVER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn points(count: usize, range: f32) -> impl Strategy<Value = Vec<Vec3>> {
+        let axis = move || -range..range;
+        prop::collection::vec((axis(), axis(), axis()).prop_map(|(x, y, z)| Vec3::new(x, y, z)), 1..count)
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_the_definition(
+            truth in points(60, 3.0), clouds in prop::collection::vec(points(30, 4.0), 1..5), epsilon in 0.05_f32..1.5,
+        ) {
+            let surface = Surface::new(truth.clone(), epsilon);
+            let mut coverage = Coverage::new(&surface);
+            let mut last = 0;
+            for (step, cloud) in clouds.iter().enumerate() {
+                coverage.add(&surface, cloud, step as u32);
+                prop_assert!(coverage.covered() >= last);
+                last = coverage.covered();
+            }
+            for (index, point) in truth.iter().enumerate() {
+                let is_near = |cloud: &Vec<Vec3>| cloud.iter().any(|p| p.distance_squared(*point) < epsilon * epsilon);
+                prop_assert_eq!(coverage.first_step(index), clouds.iter().position(is_near).map(|s| s as u32));
+            }
+            let covered = (0..truth.len()).filter(|&i| coverage.first_step(i).is_some()).count();
+            prop_assert_eq!(coverage.covered(), covered);
+        }
+    }
+}

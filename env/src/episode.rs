@@ -1,0 +1,385 @@
+//! One episode: an agent in a scene, a number of steps, and what it has seen.
+
+use crate::coverage::{Coverage, CoverageConfig, Surface};
+use crate::encode::{EncodeConfig, encode};
+use crate::map::{AgentMap, MapView};
+use crate::pose::{Direction, Heading, LatticePose, Pose};
+use crate::predict::EncoderInput;
+use crate::scene::Scene;
+use crate::scene::slice::ObstacleGrid;
+use crate::seed::{Rng, SeedTree};
+use crate::sensor::{Camera, CameraError, DepthCamera, Frame, Sensor};
+use glam::Vec3;
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// One step of the lattice agent: stay or move to a neighbour, and look somewhere (paper, section 5.1: 4 moves, 8
+/// headings).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Action {
+    /// `None` turns on the spot.
+    pub direction: Option<Direction>,
+    /// Heading at the end of the step.
+    pub heading: Heading,
+}
+
+/// The simulator's settings, the same for every policy that is compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimConfig {
+    /// The depth camera.
+    pub camera: Camera,
+    /// What the network sees.
+    pub encode: EncodeConfig,
+    /// How coverage is measured.
+    pub coverage: CoverageConfig,
+    /// Share of a frame's pixels that become points (released code: 0.05).
+    pub keep: f32,
+    /// Captures during a step, the one at its end included (released code: 4).
+    pub captures: usize,
+}
+
+impl Default for SimConfig {
+    fn default() -> Self {
+        Self {
+            camera: Camera::default(),
+            encode: EncodeConfig::default(),
+            coverage: CoverageConfig::default(),
+            keep: 0.05,
+            captures: 4,
+        }
+    }
+}
+
+/// A setting that the simulator cannot work with.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// In the camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// Anywhere else.
+    #[error("sim.{field} is {value}: it must be {want}")]
+    Field {
+        /// Path of the setting.
+        field: &'static str,
+        /// As given.
+        value: String,
+        /// What is accepted.
+        want: &'static str,
+    },
+}
+
+impl SimConfig {
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// Naming the first setting that is out of range.
+    pub fn validate(&self) -> Result<(), SimError> {
+        self.camera.validate()?;
+        let encode = &self.encode;
+        let pixels = encode.window.pixels;
+        let is_positive = |v: f32| v.is_finite() && v > 0.0;
+        let checks: [(bool, &'static str, String, &'static str); 7] = [
+            (
+                pixels >= 16 && pixels % 16 == 0 && pixels <= 4096,
+                "encode.window.pixels",
+                pixels.to_string(),
+                "a multiple of 16 from 16 to 4096",
+            ),
+            (
+                is_positive(encode.window.metres) && encode.window.metres <= 10_000.0,
+                "encode.window.metres",
+                encode.window.metres.to_string(),
+                "a positive number of metres",
+            ),
+            (
+                (1..=64).contains(&encode.layers.count),
+                "encode.layers.count",
+                encode.layers.count.to_string(),
+                "from 1 to 64",
+            ),
+            (
+                is_positive(encode.layers.top - encode.layers.bottom),
+                "encode.layers.top",
+                encode.layers.top.to_string(),
+                "above encode.layers.bottom",
+            ),
+            (
+                (1..=10_000_000).contains(&self.coverage.points) && is_positive(self.coverage.epsilon),
+                "coverage",
+                format!("{} points, epsilon {}", self.coverage.points, self.coverage.epsilon),
+                "from 1 to 10,000,000 points and a positive epsilon",
+            ),
+            (self.keep > 0.0 && self.keep <= 1.0, "keep", self.keep.to_string(), "above 0 and at most 1"),
+            ((1..=64).contains(&self.captures), "captures", self.captures.to_string(), "from 1 to 64"),
+        ];
+        match checks.into_iter().find(|(ok, ..)| !ok) {
+            Some((_, field, value, want)) => Err(SimError::Field { field, value, want }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A scene with all that its episodes share. Built once, used by many threads.
+#[derive(Debug)]
+pub struct World {
+    scene: Scene,
+    surface: Surface,
+    obstacles: ObstacleGrid,
+    sensor: DepthCamera,
+    config: SimConfig,
+}
+
+impl World {
+    /// Prepares a scene for episodes.
+    ///
+    /// # Errors
+    /// When a setting is out of range.
+    pub fn new(scene: Scene, config: &SimConfig) -> Result<Self, SimError> {
+        config.validate()?;
+        Ok(Self {
+            surface: Surface::of(&scene, &config.coverage),
+            obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
+            sensor: DepthCamera(config.camera.clone()),
+            config: config.clone(),
+            scene,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Ground-truth surface points.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// Ground-truth obstacles of the camera plane.
+    pub fn obstacles(&self) -> &ObstacleGrid {
+        &self.obstacles
+    }
+
+    /// Settings.
+    pub fn config(&self) -> &SimConfig {
+        &self.config
+    }
+}
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepOutcome {
+    /// The move hit an obstacle: the agent stayed, the step is spent.
+    pub bumped: bool,
+    /// Covered share after the step.
+    pub coverage: f32,
+}
+
+/// An agent on its way.
+pub struct Episode {
+    world: Arc<World>,
+    map: AgentMap,
+    coverage: Coverage,
+    pose: LatticePose,
+    step: usize,
+    horizon: usize,
+    pixels: Rng,
+    frame: Frame,
+    curve: Vec<f32>,
+    covered: Vec<usize>,
+    bumps: usize,
+    path_length: f32,
+}
+
+impl Episode {
+    /// Puts an agent down at `start` and takes the first frame. `seed` draws which pixels become points.
+    pub fn new(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree) -> Self {
+        let encode = &world.config.encode;
+        let map = AgentMap::new(encode.window, encode.layers, world.scene.lattice().origin.y);
+        let mut episode = Self {
+            map,
+            coverage: Coverage::new(&world.surface),
+            pose: start,
+            step: 0,
+            horizon,
+            pixels: seed.child("pixels", 0).rng(),
+            frame: Frame::default(),
+            curve: Vec::with_capacity(horizon + 1),
+            covered: Vec::with_capacity(horizon + 1),
+            bumps: 0,
+            path_length: 0.0,
+            world,
+        };
+        let pose = episode.world.scene.lattice().pose(start);
+        episode.capture(&pose);
+        episode.arrive();
+        episode
+    }
+
+    /// Performs an action. After the horizon nothing happens any more.
+    pub fn step(&mut self, action: Action) -> StepOutcome {
+        if self.is_over() {
+            return StepOutcome { bumped: false, coverage: self.coverage.share() };
+        }
+        self.step += 1;
+        let node = action.direction.map_or(self.pose.node, |direction| self.pose.node.step(direction));
+        let is_stay = action.direction.is_none();
+        let bumped = !is_stay && !self.world.scene.graph().is_passable(self.pose.node, node);
+        if bumped {
+            self.map.bump(self.pose.node, node);
+            self.bumps += 1;
+        } else {
+            let target = LatticePose { node, heading: action.heading };
+            let lattice = *self.world.scene.lattice();
+            let (from, to) = (lattice.pose(self.pose), lattice.pose(target));
+            let captures = self.world.config.captures;
+            for n in 1..=captures {
+                self.capture(&from.interpolate(&to, n as f32 / captures as f32));
+            }
+            self.path_length += from.position.distance(to.position);
+            self.pose = target;
+        }
+        self.arrive();
+        StepOutcome { bumped, coverage: self.coverage.share() }
+    }
+
+    /// Whether all steps are spent.
+    pub fn is_over(&self) -> bool {
+        self.step >= self.horizon
+    }
+
+    /// What a policy may look at.
+    pub fn view(&self) -> MapView<'_> {
+        MapView::new(&self.map, self.world.scene.lattice(), self.pose, self.step, self.horizon)
+    }
+
+    /// The network's input at the current pose.
+    pub fn encode(&self) -> EncoderInput {
+        encode(&self.view(), self.world.config.encode.trajectory)
+    }
+
+    /// The world it takes place in.
+    pub fn world(&self) -> &Arc<World> {
+        &self.world
+    }
+
+    /// Where the agent is.
+    pub fn pose(&self) -> LatticePose {
+        self.pose
+    }
+
+    /// Steps spent.
+    pub fn steps(&self) -> usize {
+        self.step
+    }
+
+    /// Covered share after the start and after each step: `steps + 1` numbers.
+    pub fn curve(&self) -> &[f32] {
+        &self.curve
+    }
+
+    /// Covered points after the start and after each step.
+    pub fn covered(&self) -> &[usize] {
+        &self.covered
+    }
+
+    /// Number of moves that hit an obstacle.
+    pub fn bumps(&self) -> usize {
+        self.bumps
+    }
+
+    /// Metres walked.
+    pub fn path_length(&self) -> f32 {
+        self.path_length
+    }
+
+    fn arrive(&mut self) {
+        self.map.arrive(self.pose);
+        self.curve.push(self.coverage.share());
+        self.covered.push(self.coverage.covered());
+    }
+
+    fn capture(&mut self, pose: &Pose) {
+        let world = Arc::clone(&self.world);
+        let camera = world.sensor.camera();
+        world.sensor.capture(&world.scene, pose, &mut self.frame);
+        let points = keep_points(camera, pose, &self.frame, world.config.keep, &mut self.pixels);
+        self.coverage.add(&world.surface, &points, self.step as u32);
+        self.map.integrate(camera, pose, &self.frame, &points);
+    }
+}
+
+/// Points of a random share of a frame's valid pixels: one pixel at random out of each run of `1 / keep`.
+fn keep_points(camera: &Camera, pose: &Pose, frame: &Frame, keep: f32, rng: &mut Rng) -> Vec<Vec3> {
+    let run = (1.0 / keep).round().max(1.0) as usize;
+    let mut points = Vec::with_capacity(frame.depth.len() / run + 1);
+    for begin in (0..frame.depth.len()).step_by(run) {
+        let index = begin + rng.random_range(0..run);
+        if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0) {
+            points.push(camera.unproject(pose, index % frame.width, index / frame.width, depth));
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn world() -> Arc<World> {
+        Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap())
+    }
+
+    fn start(i: i32, k: i32) -> LatticePose {
+        LatticePose { node: crate::Node { i, k }, heading: Heading::new(0) }
+    }
+
+    #[test]
+    fn a_bump_spends_the_step_and_is_remembered() {
+        let mut episode = Episode::new(world(), start(0, 0), 3, SeedTree::new(1));
+        let outcome = episode.step(Action { direction: Some(Direction::MinusX), heading: Heading::new(4) });
+        assert!(outcome.bumped);
+        assert_eq!((episode.pose(), episode.steps(), episode.bumps()), (start(0, 0), 1, 1));
+        let outside = episode.pose().node.step(Direction::MinusX);
+        assert_eq!(episode.view().bumps(outside, episode.pose().node), 1);
+        let outcome = episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(2) });
+        assert!(!outcome.bumped && episode.path_length() == 1.5);
+        assert!(episode.view().is_traversed(start(1, 0).node, start(0, 0).node));
+    }
+
+    #[test]
+    fn coverage_only_grows_and_looking_around_sees_the_room() {
+        let mut episode = Episode::new(world(), start(1, 2), 8, SeedTree::new(2));
+        for k in 1..=8 {
+            episode.step(Action { direction: None, heading: Heading::new(k) });
+        }
+        assert!(episode.is_over());
+        assert!(episode.curve().windows(2).all(|w| w[1] >= w[0]));
+        assert!(episode.curve()[8] > 0.4, "{:?}", episode.curve());
+        let again = episode.step(Action { direction: None, heading: Heading::new(0) });
+        assert_eq!((episode.steps(), again.coverage), (8, episode.curve()[8]));
+    }
+
+    #[test]
+    fn the_input_shows_the_agent_in_the_middle_and_its_walls_around() {
+        let mut episode = Episode::new(world(), start(1, 2), 2, SeedTree::new(3));
+        episode.step(Action { direction: Some(Direction::PlusZ), heading: Heading::new(0) });
+        let input = episode.encode();
+        assert_eq!((input.channels, input.size()), (5, 256));
+        let visits = input.channel(4);
+        assert_eq!(visits.iter().sum::<u16>(), 1, "k < t");
+        assert_eq!(visits[(128 + 10) * 256 + 128] + visits[(128 + 9) * 256 + 128], 1, "it came from -z, which is below");
+        assert!(input.channel(2).iter().any(|&c| c > 0));
+    }
+
+    #[test]
+    fn out_of_range_settings_are_named() {
+        let mut config = SimConfig::default();
+        config.encode.window.pixels = 100;
+        assert!(config.validate().unwrap_err().to_string().contains("encode.window.pixels"));
+        let config = SimConfig { keep: 0.0, ..SimConfig::default() };
+        assert!(config.validate().unwrap_err().to_string().contains("keep"));
+    }
+}

@@ -1,0 +1,85 @@
+//! Training samples from an executed path: the coverage gain of every sub-path (paper, section 4.3).
+
+use crate::pose::{Heading, Lattice, LatticePose};
+use crate::predict::EncoderInput;
+
+/// True gain of walking from the sample's pose to a pose of its path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValueLabel {
+    /// Heading at the end of the walk.
+    pub heading: Heading,
+    /// Cell of the value map.
+    pub row: usize,
+    /// Cell of the value map.
+    pub col: usize,
+    /// Percent points of the ground-truth surface.
+    pub gain: f32,
+}
+
+/// One pose of an executed path.
+#[derive(Clone, Debug)]
+pub struct Waypoint {
+    /// Where.
+    pub pose: LatticePose,
+    /// What the network saw there.
+    pub input: EncoderInput,
+    /// Episode step at which it was reached.
+    pub step: usize,
+    /// Covered points after its frame.
+    pub covered: usize,
+}
+
+/// One training sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// What the network saw.
+    pub input: EncoderInput,
+    /// Episode step, for the curriculum.
+    pub step: usize,
+    /// Sparse targets of the value map.
+    pub labels: Vec<ValueLabel>,
+    /// Target of the obstacle map, `S · S` of 0 and 1.
+    pub obstacles: Vec<u8>,
+}
+
+/// Labels of waypoint `i` of a path: `100 · (covered_j − covered_i) / surface` at pose `j`, for every `j > i` that its
+/// window shows, the goal included.
+pub fn value_labels(path: &[Waypoint], i: usize, lattice: &Lattice, surface: usize) -> Vec<ValueLabel> {
+    let Some(from) = path.get(i) else { return Vec::new() };
+    path[i + 1..]
+        .iter()
+        .filter_map(|to| {
+            let (row, col) = from.input.window.value_cell(lattice.position(to.pose.node))?;
+            let gain = 100.0 * (to.covered as f32 - from.covered as f32) / surface.max(1) as f32;
+            Some(ValueLabel { heading: to.pose.heading, row, col, gain })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::Node;
+    use crate::window::WindowSize;
+    use glam::Vec3;
+
+    #[test]
+    fn every_sub_path_is_labelled_and_the_goal_too() {
+        let lattice = Lattice { origin: Vec3::new(0.0, 1.65, 0.0), spacing: 1.5, size: [10, 10] };
+        let size = WindowSize { pixels: 64, metres: 40.0 };
+        let path: Vec<Waypoint> = (0..4)
+            .map(|n| {
+                let pose = LatticePose { node: Node { i: 2, k: n }, heading: Heading::new(n as usize) };
+                let window = size.around(lattice.position(pose.node));
+                let input = EncoderInput { window, channels: 1, counts: vec![0; 64 * 64] };
+                Waypoint { pose, input, step: n as usize, covered: 10 * (n * n) as usize }
+            })
+            .collect();
+        let labels: Vec<_> = (0..4).map(|i| value_labels(&path, i, &lattice, 1000)).collect();
+        assert_eq!(labels.iter().map(Vec::len).collect::<Vec<_>>(), [3, 2, 1, 0]);
+        let goal = labels[0][2];
+        assert_eq!((goal.heading.index(), goal.gain), (3, 9.0));
+        assert_eq!((goal.row, goal.col), (6, 8), "4.5 m up is 1.8 of 2.5 m cells");
+        assert_eq!(labels[2][0].gain, 5.0);
+    }
+}

@@ -1,0 +1,149 @@
+//! What the agent knows: the reconstruction, the carved plane, where it has been and where it was stopped.
+
+pub mod density;
+pub mod grid;
+pub mod occupancy;
+
+pub use density::{DensityGrid, Layers};
+pub use occupancy::{Cell, OccupancyGrid};
+
+use crate::pose::{Lattice, LatticePose, Node, Pose};
+use crate::sensor::{Camera, Frame};
+use crate::window::WindowSize;
+use glam::Vec3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The agent's memory of one episode.
+#[derive(Debug, Clone)]
+pub struct AgentMap {
+    density: DensityGrid,
+    occupancy: OccupancyGrid,
+    cloud: Vec<Vec3>,
+    history: Vec<LatticePose>,
+    visits: BTreeMap<LatticePose, u32>,
+    traversed: BTreeSet<(Node, Node)>,
+    blocked: BTreeMap<(Node, Node), u32>,
+}
+
+impl AgentMap {
+    /// Nothing known yet.
+    pub fn new(size: WindowSize, layers: Layers, camera_plane: f32) -> Self {
+        Self {
+            density: DensityGrid::new(size, layers, camera_plane),
+            occupancy: OccupancyGrid::default(),
+            cloud: Vec::new(),
+            history: Vec::new(),
+            visits: BTreeMap::new(),
+            traversed: BTreeSet::new(),
+            blocked: BTreeMap::new(),
+        }
+    }
+
+    /// Takes in one frame and the points kept of it.
+    pub fn integrate(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, points: &[Vec3]) {
+        self.density.add(points);
+        self.occupancy.carve(camera, pose, frame);
+        self.cloud.extend_from_slice(points);
+    }
+
+    /// The agent stands at a pose at the end of a step.
+    pub fn arrive(&mut self, pose: LatticePose) {
+        if let Some(last) = self.history.last().filter(|last| last.node != pose.node) {
+            self.traversed.insert(edge(last.node, pose.node));
+        }
+        self.history.push(pose);
+        *self.visits.entry(pose).or_default() += 1;
+    }
+
+    /// A move was stopped by an obstacle.
+    pub fn bump(&mut self, from: Node, to: Node) {
+        *self.blocked.entry(edge(from, to)).or_default() += 1;
+    }
+}
+
+/// An edge without direction.
+fn edge(a: Node, b: Node) -> (Node, Node) {
+    if a <= b { (a, b) } else { (b, a) }
+}
+
+/// What a policy may look at. No field leads to the mesh or the ground-truth surface.
+#[derive(Debug, Clone, Copy)]
+pub struct MapView<'a> {
+    map: &'a AgentMap,
+    lattice: &'a Lattice,
+    pose: LatticePose,
+    step: usize,
+    horizon: usize,
+}
+
+impl<'a> MapView<'a> {
+    /// The view of an agent at `pose` after `step` of `horizon` steps.
+    pub fn new(map: &'a AgentMap, lattice: &'a Lattice, pose: LatticePose, step: usize, horizon: usize) -> Self {
+        Self { map, lattice, pose, step, horizon }
+    }
+
+    /// Every point kept so far, metres.
+    pub fn cloud(&self) -> &'a [Vec3] {
+        &self.map.cloud
+    }
+
+    /// Points per pixel and layer.
+    pub fn density(&self) -> &'a DensityGrid {
+        &self.map.density
+    }
+
+    /// Known cells of the camera plane.
+    pub fn occupancy(&self) -> &'a OccupancyGrid {
+        &self.map.occupancy
+    }
+
+    /// Poses at the end of every step so far, the start first, the current pose last.
+    pub fn history(&self) -> &'a [LatticePose] {
+        &self.map.history
+    }
+
+    /// How often a step ended in a pose.
+    pub fn visits(&self, pose: LatticePose) -> u32 {
+        self.map.visits.get(&pose).copied().unwrap_or(0)
+    }
+
+    /// Whether the agent has moved along an edge, either way.
+    pub fn is_traversed(&self, a: Node, b: Node) -> bool {
+        self.map.traversed.contains(&edge(a, b))
+    }
+
+    /// How often a move along an edge, either way, was stopped.
+    pub fn bumps(&self, a: Node, b: Node) -> u32 {
+        self.map.blocked.get(&edge(a, b)).copied().unwrap_or(0)
+    }
+
+    /// Number of different edges found blocked.
+    pub fn blocked_edges(&self) -> usize {
+        self.map.blocked.len()
+    }
+
+    /// The lattice of poses: the agent's own odometry.
+    pub fn lattice(&self) -> &'a Lattice {
+        self.lattice
+    }
+
+    /// Where the agent is.
+    pub fn pose(&self) -> LatticePose {
+        self.pose
+    }
+
+    /// Position of the camera, metres.
+    pub fn position(&self) -> Vec3 {
+        self.lattice.position(self.pose.node)
+    }
+
+    /// Steps spent.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+
+    /// Steps given.
+    pub fn horizon(&self) -> usize {
+        self.horizon
+    }
+}

@@ -1,0 +1,89 @@
+//! Known, free and occupied cells of the camera plane, carved by the depth image's horizon: a planar range scan.
+//!
+//! The lattice agent moves in the plane of its camera, so only what stands in that plane can stop it; the rows of the
+//! image next to the horizon measure exactly that (baselines.md, section 0, with a band of half a cell).
+
+use super::grid::{WorldGrid, cells_between};
+use crate::pose::Pose;
+use crate::sensor::{Camera, Frame};
+use glam::Vec3;
+
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cell {
+    /// Never on a ray.
+    #[default]
+    Unknown,
+    /// Crossed by a ray and never hit.
+    Free,
+    /// Hit at least once.
+    Occupied,
+}
+
+/// Side of a cell, metres (baselines.md, section 0).
+pub const CELL: f32 = 0.15;
+
+/// The grid.
+#[derive(Debug, Clone, Default)]
+pub struct OccupancyGrid {
+    cells: WorldGrid<Cell>,
+}
+
+impl OccupancyGrid {
+    /// Cell of a position.
+    pub fn cell_of(position: Vec3) -> [i32; 2] {
+        [(position.x / CELL).floor() as i32, (position.z / CELL).floor() as i32]
+    }
+
+    /// Middle of a cell, at height zero.
+    pub fn middle(cell: [i32; 2]) -> Vec3 {
+        Vec3::new(cell[0] as f32 + 0.5, 0.0, cell[1] as f32 + 0.5) * CELL
+    }
+
+    /// What is known of a cell.
+    pub fn get(&self, cell: [i32; 2]) -> Cell {
+        self.cells.get(cell)
+    }
+
+    /// Lowest cell and number of cells along `x` and `z`.
+    pub fn extent(&self) -> ([i32; 2], [usize; 2]) {
+        self.cells.extent()
+    }
+
+    /// Carves the rays of one frame.
+    pub fn carve(&mut self, camera: &Camera, pose: &Pose, frame: &Frame) {
+        let row = frame.height / 2;
+        let mut hits = Vec::with_capacity(frame.width);
+        let [mut low, mut high] = [pose.position, pose.position];
+        for col in 0..frame.width {
+            let depth = frame.depth[row * frame.width + col];
+            if depth > 0.0 {
+                let hit = camera.unproject(pose, col, row, depth);
+                // A surface on the border of two cells belongs to the farther one.
+                let hit = hit + 0.02 * (hit - pose.position).normalize_or_zero();
+                low = low.min(hit);
+                high = high.max(hit);
+                hits.push(hit);
+            }
+        }
+        self.cells.include(Self::cell_of(low), Self::cell_of(high));
+        for &hit in &hits {
+            for cell in cells_between(pose.position, hit, CELL) {
+                if let Some(state @ Cell::Unknown) = self.cells.get_mut(cell) {
+                    *state = Cell::Free;
+                }
+            }
+        }
+        // Hits last: a ray that grazes a wall must not erase it.
+        for hit in hits {
+            if let Some(state) = self.cells.get_mut(Self::cell_of(hit)) {
+                *state = Cell::Occupied;
+            }
+        }
+    }
+
+    /// Number of occupied cells on the segment between two positions.
+    pub fn obstacles_between(&self, a: Vec3, b: Vec3) -> usize {
+        cells_between(a, b, CELL).filter(|&cell| self.get(cell) == Cell::Occupied).count()
+    }
+}

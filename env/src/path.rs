@@ -1,0 +1,131 @@
+//! Shortest paths on the lattice: Dijkstra with ties broken by node, so that equal costs give equal paths.
+
+use crate::pose::{Direction, Node};
+use std::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BinaryHeap};
+
+/// Shortest paths from one node to all that can be reached.
+#[derive(Debug, Clone)]
+pub struct ShortestPaths {
+    start: Node,
+    reached: BTreeMap<Node, (f32, Node)>,
+}
+
+/// Costs are finite and not negative, so their order is total.
+#[derive(PartialEq)]
+struct Cost(f32);
+
+impl Eq for Cost {}
+
+impl PartialOrd for Cost {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Cost {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl ShortestPaths {
+    /// Paths from `start` over the moves for which `cost` gives a finite, non-negative price.
+    pub fn from(start: Node, mut cost: impl FnMut(Node, Node) -> Option<f32>) -> Self {
+        let mut reached = BTreeMap::from([(start, (0.0, start))]);
+        let mut heap = BinaryHeap::from([Reverse((Cost(0.0), start))]);
+        while let Some(Reverse((Cost(distance), node))) = heap.pop() {
+            if reached.get(&node).is_some_and(|&(best, _)| distance > best) {
+                continue;
+            }
+            for next in Direction::ALL.map(|direction| node.step(direction)) {
+                let Some(price) = cost(node, next) else { continue };
+                let candidate = distance + price;
+                if reached.get(&next).is_none_or(|&(best, _)| candidate < best) {
+                    reached.insert(next, (candidate, node));
+                    heap.push(Reverse((Cost(candidate), next)));
+                }
+            }
+        }
+        Self { start, reached }
+    }
+
+    /// Cost of the shortest path to a node.
+    pub fn distance(&self, node: Node) -> Option<f32> {
+        self.reached.get(&node).map(|&(distance, _)| distance)
+    }
+
+    /// Reached nodes and their distances, sorted by node, the start included.
+    pub fn reached(&self) -> impl Iterator<Item = (Node, f32)> + '_ {
+        self.reached.iter().map(|(&node, &(distance, _))| (node, distance))
+    }
+
+    /// Nodes of the shortest path after the start up to `goal`; empty for the start itself, `None` if out of reach.
+    pub fn path_to(&self, goal: Node) -> Option<Vec<Node>> {
+        let mut path = Vec::new();
+        let mut node = goal;
+        while node != self.start {
+            path.push(node);
+            node = self.reached.get(&node)?.1;
+        }
+        path.reverse();
+        Some(path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIDE: i32 = 6;
+
+    /// Price of an undirected edge from a table of random numbers; every seventh edge is blocked.
+    fn price(table: &[u8], a: Node, b: Node) -> Option<f32> {
+        let inside = |n: Node| (0..SIDE).contains(&n.i) && (0..SIDE).contains(&n.k);
+        if !inside(a) || !inside(b) {
+            return None;
+        }
+        let (low, high) = (a.min(b), a.max(b));
+        let index = ((low.i * SIDE + low.k) * 2 + i32::from(high.i > low.i)) as usize;
+        let value = table[index % table.len()];
+        (value % 7 != 0).then_some(f32::from(value % 5) + 1.0)
+    }
+
+    proptest! {
+        #[test]
+        fn optimal_against_bellman_ford_and_so_is_every_sub_path(table in prop::collection::vec(any::<u8>(), 72)) {
+            let nodes: Vec<Node> = (0..SIDE * SIDE).map(|n| Node { i: n / SIDE, k: n % SIDE }).collect();
+            let bellman_ford = |start: Node| {
+                let mut best: BTreeMap<Node, f32> = BTreeMap::from([(start, 0.0)]);
+                for _ in 0..nodes.len() {
+                    for &a in &nodes {
+                        for b in Direction::ALL.map(|d| a.step(d)) {
+                            if let (Some(&from), Some(cost)) = (best.get(&a), price(&table, a, b)) {
+                                let to = best.entry(b).or_insert(f32::INFINITY);
+                                *to = to.min(from + cost);
+                            }
+                        }
+                    }
+                }
+                best
+            };
+            let start = Node { i: 2, k: 3 };
+            let paths = ShortestPaths::from(start, |a, b| price(&table, a, b));
+            let expected = bellman_ford(start);
+            for &node in &nodes {
+                prop_assert_eq!(paths.distance(node), expected.get(&node).copied());
+                let Some(path) = paths.path_to(node) else { continue };
+                let whole: Vec<Node> = std::iter::once(start).chain(path).collect();
+                let cost = |part: &[Node]| part.windows(2).map(|w| price(&table, w[0], w[1]).unwrap()).sum::<f32>();
+                prop_assert_eq!(cost(&whole), paths.distance(node).unwrap());
+                for i in 0..whole.len() {
+                    let from_i = bellman_ford(whole[i]);
+                    for j in i + 1..whole.len() {
+                        prop_assert_eq!(cost(&whole[i..=j]), from_i[&whole[j]]);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Policies: from what the agent knows to its next action. One file, one policy.
+
+pub mod fbe;
+pub mod nbp;
+pub mod oracle;
+pub mod random;
+
+use crate::episode::Action;
+use crate::map::MapView;
+use crate::pose::{Direction, Heading, LatticePose, Node};
+use crate::predict::{EncoderInput, PredictError, Prediction};
+use crate::seed::Rng;
+use rand::RngExt as _;
+use rand::seq::IndexedRandom;
+
+/// Why a policy cannot act.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyError {
+    /// Its network failed.
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+}
+
+/// A path to a goal, as last planned, for pictures and for training.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Step of the episode at which it was made.
+    pub made_at: usize,
+    /// Poses from the one after the current to the goal.
+    pub path: Vec<LatticePose>,
+    /// What the network saw and answered, for policies that have one.
+    pub thought: Option<(EncoderInput, Prediction)>,
+}
+
+/// Chooses actions.
+pub trait Policy: Send {
+    /// Name in tables and on the command line.
+    fn name(&self) -> &'static str;
+
+    /// Forgets the last episode.
+    fn begin(&mut self);
+
+    /// The next action.
+    ///
+    /// # Errors
+    /// When a network fails.
+    fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError>;
+
+    /// The plan being followed, if the policy plans.
+    fn plan(&self) -> Option<&Plan> {
+        None
+    }
+}
+
+/// The action that goes from one pose to a neighbouring one (or turns).
+fn action_towards(from: Node, to: LatticePose) -> Action {
+    Action { direction: Direction::between(from, to.node), heading: to.heading }
+}
+
+/// What every policy does when it has nowhere to go: turn to a heading not used here yet, else to any other.
+fn turn_on_the_spot(view: &MapView<'_>, rng: &mut Rng) -> Action {
+    let node = view.pose().node;
+    let fresh: Vec<Heading> =
+        Heading::all().filter(|&heading| view.visits(LatticePose { node, heading }) == 0).collect();
+    let turned = || Heading::new(view.pose().heading.index() + 1);
+    let heading = match fresh.choose(rng) {
+        Some(&heading) => heading,
+        None => Heading::new(turned().index() + rng.random_range(0..7_usize)),
+    };
+    Action { direction: None, heading }
+}

@@ -1,0 +1,257 @@
+//! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2).
+
+use super::{Plan, Policy, PolicyError, action_towards, turn_on_the_spot};
+use crate::encode::{Trajectory, encode};
+use crate::episode::{Action, World};
+use crate::goal::{Candidate, GoalRule};
+use crate::map::grid::cells_between;
+use crate::map::{Cell, MapView, occupancy};
+use crate::path::ShortestPaths;
+use crate::pose::{Heading, LatticePose, Node};
+use crate::predict::{EncoderInput, Prediction, Predictor};
+use crate::seed::Rng;
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// How the value and obstacle maps become a path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NbpConfig {
+    /// How the goal, and the headings on the way, are chosen: greedy in inference, Boltzmann in training.
+    pub goal: GoalRule,
+    /// Probability from which a pixel is an obstacle (paper: not given; released code: 0.13).
+    pub obstacle_threshold: f32,
+    /// Obstacle pixels on a move's segment from which it is blocked (released code: 2 at 256 pixels).
+    pub blocking_pixels: usize,
+    /// Let the carved map overrule the predicted one where it knows better. Off in the paper.
+    pub fuse_observed: bool,
+    /// Leave poses already visited out of goals and headings (released code: headings only; paper: silent).
+    pub skip_visited: bool,
+    /// Probability that a heading on the way is replaced by a random one (released code, in collection: 0.6).
+    pub random_heading: f32,
+}
+
+impl Default for NbpConfig {
+    fn default() -> Self {
+        Self {
+            goal: GoalRule::Greedy,
+            obstacle_threshold: 0.5,
+            blocking_pixels: 2,
+            fuse_observed: false,
+            skip_visited: true,
+            random_heading: 0.0,
+        }
+    }
+}
+
+/// Where paths may lead.
+#[derive(Clone)]
+pub enum Passability {
+    /// The predicted obstacle map, bumps and travelled edges: inference.
+    Predicted,
+    /// The true lattice graph: training (paper, section 4.2, training phase).
+    Truth(Arc<World>),
+}
+
+/// The policy.
+pub struct Nbp {
+    predictor: Arc<dyn Predictor>,
+    config: NbpConfig,
+    passability: Passability,
+    trajectory: Trajectory,
+    plan: Option<Plan>,
+    next: usize,
+}
+
+impl Nbp {
+    /// A policy that plans on what `predictor` answers.
+    pub fn new(predictor: Arc<dyn Predictor>, config: NbpConfig, passability: Passability, trajectory: Trajectory) -> Self {
+        Self { predictor, config, passability, trajectory, plan: None, next: 0 }
+    }
+
+    /// The pose to go to next, if the plan still holds.
+    fn follow(&self, view: &MapView<'_>) -> Option<LatticePose> {
+        let target = *self.plan.as_ref()?.path.get(self.next)?;
+        let here = view.pose().node;
+        (target.node == here || self.is_open_as_observed(view, here, target.node)).then_some(target)
+    }
+
+    /// What experience says of an edge: bumps close it, and so does a wall that was seen, where that is trusted.
+    fn is_open_as_observed(&self, view: &MapView<'_>, a: Node, b: Node) -> bool {
+        if matches!(self.passability, Passability::Truth(_)) || view.is_traversed(a, b) {
+            return true;
+        }
+        let (from, to) = (view.lattice().position(a), view.lattice().position(b));
+        view.bumps(a, b) == 0 && !(self.config.fuse_observed && view.occupancy().obstacles_between(from, to) > 0)
+    }
+
+    fn is_passable(&self, view: &MapView<'_>, input: &EncoderInput, prediction: &Prediction, a: Node, b: Node) -> bool {
+        let lattice = view.lattice();
+        let (from, to) = (lattice.position(a), lattice.position(b));
+        if !lattice.contains(b) || input.window.pixel(to).is_none() {
+            return false;
+        }
+        if let Passability::Truth(world) = &self.passability {
+            return world.scene().graph().is_passable(a, b);
+        }
+        if view.is_traversed(a, b) {
+            return true;
+        }
+        if !self.is_open_as_observed(view, a, b) {
+            return false;
+        }
+        if self.config.fuse_observed {
+            let is_free = |cell| view.occupancy().get(cell) == Cell::Free;
+            if cells_between(from, to, occupancy::CELL).all(is_free) {
+                return true;
+            }
+        }
+        let is_obstacle = |world: &[i32; 2]| {
+            // What was seen free stays free in a fused map, whatever the network says of it.
+            let pixel = input.window.pixel_of(*world);
+            pixel.is_some_and(|(row, col)| prediction.obstacle.at(row, col) >= self.config.obstacle_threshold)
+        };
+        cells_between(from, to, input.window.size.pixel()).filter(is_obstacle).count() < self.config.blocking_pixels
+    }
+
+    fn make_plan(&self, view: &MapView<'_>, rng: &mut Rng) -> Result<Plan, PolicyError> {
+        let input = encode(view, self.trajectory);
+        let prediction = match self.predictor.predict(std::slice::from_ref(&input))?.pop() {
+            Some(prediction) => prediction,
+            None => return Err(crate::predict::PredictError::Backend("no answer to one input".into()).into()),
+        };
+        let here = view.pose();
+        let paths = ShortestPaths::from(here.node, |a, b| {
+            self.is_passable(view, &input, &prediction, a, b).then_some(1.0)
+        });
+        let value = |pose| prediction.value.of_pose(&input.window, view.lattice(), pose);
+        let is_wanted = |pose: &LatticePose| *pose != here && !(self.config.skip_visited && view.visits(*pose) > 0);
+        let candidates: Vec<Candidate> = paths
+            .reached()
+            .flat_map(|(node, _)| Heading::all().map(move |heading| LatticePose { node, heading }))
+            .filter(is_wanted)
+            .filter_map(|pose| value(pose).map(|value| Candidate { pose, value }))
+            .collect();
+        let mut path = Vec::new();
+        if let Some(goal) = self.config.goal.choose(&candidates, rng) {
+            let nodes = paths.path_to(goal.pose.node).unwrap_or_default();
+            let on_the_way = nodes.len().saturating_sub(1);
+            for &node in &nodes[..on_the_way] {
+                path.push(LatticePose { node, heading: self.heading_at(node, view, &value, rng) });
+            }
+            path.push(goal.pose);
+        }
+        Ok(Plan { made_at: view.step(), path, thought: Some((input, prediction)) })
+    }
+
+    fn heading_at(
+        &self,
+        node: Node,
+        view: &MapView<'_>,
+        value: &impl Fn(LatticePose) -> Option<f32>,
+        rng: &mut Rng,
+    ) -> Heading {
+        if self.config.random_heading > 0.0 && rng.random::<f32>() < self.config.random_heading {
+            return Heading::new(rng.random_range(0..8_usize));
+        }
+        let poses = Heading::all().map(|heading| LatticePose { node, heading });
+        let all: Vec<Candidate> =
+            poses.map(|pose| Candidate { pose, value: value(pose).unwrap_or(f32::NEG_INFINITY) }).collect();
+        let fresh: Vec<Candidate> =
+            all.iter().copied().filter(|c| !self.config.skip_visited || view.visits(c.pose) == 0).collect();
+        let chosen = self.config.goal.choose(if fresh.is_empty() { &all } else { &fresh }, rng);
+        chosen.map_or(view.pose().heading, |c| c.pose.heading)
+    }
+}
+
+impl Policy for Nbp {
+    fn name(&self) -> &'static str {
+        "nbp"
+    }
+
+    fn begin(&mut self) {
+        self.plan = None;
+        self.next = 0;
+    }
+
+    fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
+        // After a bump the agent is where it was: the pose that it did not reach is not the one to go on from.
+        let is_on_path = self.plan.as_ref().is_some_and(|plan| {
+            self.next == 0 || plan.path.get(self.next - 1).is_some_and(|&pose| pose == view.pose())
+        });
+        let target = match self.follow(view).filter(|_| is_on_path) {
+            Some(target) => target,
+            None => {
+                let plan = self.make_plan(view, rng)?;
+                let first = plan.path.first().copied();
+                self.plan = Some(plan);
+                self.next = 0;
+                match first {
+                    Some(target) => target,
+                    None => return Ok(turn_on_the_spot(view, rng)),
+                }
+            }
+        };
+        self.next += 1;
+        Ok(action_towards(view.pose().node, target))
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        self.plan.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode::{Episode, SimConfig};
+    use crate::predict::{ObstacleMap, PredictError, ValueMap};
+    use crate::scene::Scene;
+    use crate::seed::SeedTree;
+
+    /// Promises most in one corner of the window and sees no walls.
+    struct Corner;
+
+    impl Predictor for Corner {
+        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+            let answer = |input: &EncoderInput| {
+                let (pixels, size) = (input.size(), input.size() / 4);
+                let gain = (0..8 * size * size).map(|n| -((n % size) as f32) - (n / size % size) as f32).collect();
+                Prediction {
+                    value: ValueMap { size, gain },
+                    obstacle: ObstacleMap { size: pixels, probability: vec![0.0; pixels * pixels] },
+                }
+            };
+            Ok(inputs.iter().map(answer).collect())
+        }
+    }
+
+    fn walk(config: NbpConfig, truth: bool) -> Episode {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
+        let mut episode = Episode::new(Arc::clone(&world), start, 40, SeedTree::new(5));
+        let passability = if truth { Passability::Truth(world) } else { Passability::Predicted };
+        let mut policy = Nbp::new(Arc::new(Corner), config, passability, Trajectory::KeyPoses);
+        let mut rng = SeedTree::new(6).rng();
+        policy.begin();
+        while !episode.is_over() {
+            let action = policy.act(&episode.view(), &mut rng).unwrap();
+            episode.step(action);
+        }
+        episode
+    }
+
+    #[test]
+    fn it_gets_to_the_far_corner_and_learns_from_bumps() {
+        let far = Node { i: 7, k: 5 };
+        let believing = walk(NbpConfig::default(), false);
+        assert!(believing.bumps() > 0, "the wall between the rooms is not predicted");
+        assert!(believing.view().history().iter().any(|pose| pose.node == far));
+        let knowing = walk(NbpConfig::default(), true);
+        assert_eq!(knowing.bumps(), 0);
+        assert_eq!(knowing.view().history()[12].node, far, "twelve moves are the shortest way");
+        let looking = walk(NbpConfig { fuse_observed: true, ..NbpConfig::default() }, false);
+        assert!(looking.bumps() < believing.bumps());
+    }
+}

@@ -1,0 +1,269 @@
+//! A scene: an immutable checked mesh, what is derived from it once, and where the agent may stand.
+
+pub mod graph;
+pub mod load;
+pub mod mesh;
+pub mod rays;
+pub mod settings;
+pub mod slice;
+pub mod surface;
+
+pub use graph::LatticeGraph;
+pub use load::LoadError;
+pub use mesh::{Mesh, MeshError};
+pub use rays::RayIndex;
+pub use settings::Settings;
+
+use crate::pose::{CAMERA_HEIGHT, HEADINGS, Heading, Lattice, LatticePose, Node};
+use crate::seed::SeedTree;
+use crate::sensor::raster::RasterIndex;
+use glam::{Vec2, Vec3};
+use settings::LATTICE_STEP;
+use slice::slice_at;
+
+/// Why a mesh and its settings do not make a scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// A number in the settings cannot be.
+    #[error("scene {scene}: settings {field} is {value}: {want}")]
+    Settings {
+        /// Scene name.
+        scene: String,
+        /// Key in `settings.json`.
+        field: &'static str,
+        /// As read.
+        value: String,
+        /// What it should be.
+        want: &'static str,
+    },
+    /// Nowhere to stand.
+    #[error(
+        "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane (camera.x_min[1] + 1.65 m) \
+         must cut the interior"
+    )]
+    NoFreePose {
+        /// Scene name.
+        scene: String,
+        /// Camera plane.
+        height: f32,
+        /// Lattice nodes tried.
+        nodes: usize,
+    },
+}
+
+/// Largest lattice that is accepted; a larger one means that the settings' units are wrong.
+const MAX_NODES: i64 = 4_000_000;
+
+/// Everything that the simulator knows and the agent does not.
+#[derive(Debug)]
+pub struct Scene {
+    name: String,
+    mesh: Mesh,
+    bounds: [Vec3; 2],
+    lattice: Lattice,
+    starts: Vec<LatticePose>,
+    rays: RayIndex,
+    raster: RasterIndex,
+    graph: LatticeGraph,
+    walls: Vec<[Vec2; 2]>,
+}
+
+impl Scene {
+    /// Builds the scene of a mesh in metres.
+    ///
+    /// # Errors
+    /// When the settings contradict themselves or no lattice pose is free.
+    pub fn new(name: impl Into<String>, mesh: Mesh, settings: &Settings) -> Result<Self, SceneError> {
+        let name = name.into();
+        let lattice = lattice_of(&name, settings)?;
+        let scale = settings.scene.metres_per_unit;
+        let rays = RayIndex::build(&mesh);
+        let graph = LatticeGraph::build(lattice, &rays);
+        if graph.largest_component().is_empty() {
+            return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
+        }
+        let starts = start_poses(&name, settings, &lattice)?;
+        let starts = if starts.is_empty() { graph.spread_poses(5, SeedTree::new(0).child("starts", 0)) } else { starts };
+        Ok(Self {
+            bounds: [scale * Vec3::from(settings.scene.x_min), scale * Vec3::from(settings.scene.x_max)],
+            raster: RasterIndex::build(&mesh),
+            walls: slice_at(&mesh, lattice.origin.y),
+            name,
+            mesh,
+            lattice,
+            starts,
+            rays,
+            graph,
+        })
+    }
+
+    /// Name, as in tables and file names.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The triangles.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Lower and upper corner of the box whose surface counts, metres.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        self.bounds
+    }
+
+    /// Camera positions.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Starts of the evaluation trajectories.
+    pub fn starts(&self) -> &[LatticePose] {
+        &self.starts
+    }
+
+    /// Rays against the mesh.
+    pub fn rays(&self) -> &RayIndex {
+        &self.rays
+    }
+
+    /// The rasteriser's index of the mesh.
+    pub fn raster(&self) -> &RasterIndex {
+        &self.raster
+    }
+
+    /// Which lattice nodes are free and which moves are possible.
+    pub fn graph(&self) -> &LatticeGraph {
+        &self.graph
+    }
+
+    /// The mesh cut at the camera plane: segments in `(x, z)`, metres.
+    pub fn walls(&self) -> &[[Vec2; 2]] {
+        &self.walls
+    }
+
+    /// Two rooms of 6×9 m joined by a door, with a pillar: a closed mesh for tests and examples.
+    pub fn two_rooms() -> Self {
+        let (mesh, settings) = two_rooms();
+        match Self::new("two_rooms", mesh, &settings) {
+            Ok(scene) => scene,
+            Err(error) => unreachable!("the built-in scene is valid: {error}"),
+        }
+    }
+}
+
+fn lattice_of(scene: &str, settings: &Settings) -> Result<Lattice, SceneError> {
+    let camera = &settings.camera;
+    let refuse = |field, value: String, want| Err(SceneError::Settings { scene: scene.into(), field, value, want });
+    let scale = settings.scene.metres_per_unit;
+    if !(scale.is_finite() && scale > 0.0) {
+        return refuse("scene.metres_per_unit", scale.to_string(), "a positive number of metres");
+    }
+    let corners = [camera.x_min, camera.x_max, settings.scene.x_min, settings.scene.x_max];
+    if corners.iter().flatten().any(|c| !c.is_finite()) {
+        return refuse("x_min / x_max", format!("{corners:?}"), "finite numbers");
+    }
+    if camera.pose_l < 1 || camera.pose_h < 1 || i64::from(camera.pose_l) * i64::from(camera.pose_h) > MAX_NODES {
+        let value = format!("{} x {}", camera.pose_l, camera.pose_h);
+        return refuse("camera.pose_l x pose_h", value, "from 1 to 4,000,000 lattice nodes");
+    }
+    if camera.pose_n_azim != HEADINGS as i32 {
+        return refuse("camera.pose_n_azim", camera.pose_n_azim.to_string(), "8 headings");
+    }
+    let [x, y, z] = camera.x_min.map(|c| c * scale);
+    Ok(Lattice {
+        origin: Vec3::new(x, y + CAMERA_HEIGHT, z),
+        spacing: LATTICE_STEP,
+        size: [camera.pose_l, camera.pose_h],
+    })
+}
+
+fn start_poses(scene: &str, settings: &Settings, lattice: &Lattice) -> Result<Vec<LatticePose>, SceneError> {
+    let poses = settings.camera.start_positions.iter().map(|&[i, _, k, _, azimuth]| {
+        let node = Node { i, k };
+        if lattice.contains(node) && (0..HEADINGS as i32).contains(&azimuth) {
+            Ok(LatticePose { node, heading: Heading::new(azimuth as usize) })
+        } else {
+            Err(SceneError::Settings {
+                scene: scene.into(),
+                field: "camera.start_positions",
+                value: format!("{:?}", [i, k, azimuth]),
+                want: "[l, w, h, theta, azimuth] inside the lattice",
+            })
+        }
+    });
+    poses.collect()
+}
+
+/// Mesh and settings of [`Scene::two_rooms`].
+fn two_rooms() -> (Mesh, Settings) {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    let mut quad = |corners: [[f32; 3]; 4]| {
+        let base = vertices.len() as u32;
+        vertices.extend(corners.map(Vec3::from));
+        triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    };
+    let (height, door) = (3.0, 2.2);
+    for (y, free) in [(0.0, 0.0), (height, 0.0)] {
+        // The partition between the rooms is a sheet 0.2 m thick at x = 6; floor and ceiling run through its door only.
+        quad([[free, y, 0.0], [5.9, y, 0.0], [5.9, y, 9.0], [free, y, 9.0]]);
+        quad([[6.1, y, 0.0], [12.0, y, 0.0], [12.0, y, 9.0], [6.1, y, 9.0]]);
+    }
+    for y in [0.0, door] {
+        quad([[5.9, y, 3.0], [6.1, y, 3.0], [6.1, y, 5.0], [5.9, y, 5.0]]);
+    }
+    let mut wall = |a: [f32; 2], b: [f32; 2], low: f32, high: f32| {
+        quad([[a[0], low, a[1]], [b[0], low, b[1]], [b[0], high, b[1]], [a[0], high, a[1]]]);
+    };
+    for (x0, x1) in [(0.0, 5.9), (6.1, 12.0)] {
+        wall([x0, 0.0], [x1, 0.0], 0.0, height);
+        wall([x0, 9.0], [x1, 9.0], 0.0, height);
+    }
+    wall([0.0, 0.0], [0.0, 9.0], 0.0, height);
+    wall([12.0, 0.0], [12.0, 9.0], 0.0, height);
+    for x in [5.9, 6.1] {
+        wall([x, 0.0], [x, 3.0], 0.0, height);
+        wall([x, 5.0], [x, 9.0], 0.0, height);
+        wall([x, 3.0], [x, 5.0], door, height);
+    }
+    for z in [3.0, 5.0] {
+        wall([5.9, z], [6.1, z], 0.0, door);
+    }
+    for [a, b] in [[[8.5, 6.0], [9.1, 6.0]], [[9.1, 6.0], [9.1, 6.6]], [[9.1, 6.6], [8.5, 6.6]], [[8.5, 6.6], [8.5, 6.0]]] {
+        wall(a, b, 0.0, height);
+    }
+    let mesh = match Mesh::new(vertices, triangles) {
+        Ok(mesh) => mesh,
+        Err(error) => unreachable!("the built-in mesh is valid: {error}"),
+    };
+    let settings = Settings::for_box([Vec3::ZERO, Vec3::new(12.0, 3.0, 9.0)], 0.0, Vec2::new(0.75, 0.75));
+    (mesh, settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_rooms_are_connected_through_their_door() {
+        let scene = Scene::two_rooms();
+        assert_eq!(scene.lattice().size, [8, 6]);
+        assert_eq!(scene.graph().largest_component().len(), 48);
+        let through_the_wall = (Node { i: 3, k: 0 }, Node { i: 4, k: 0 });
+        let through_the_door = (Node { i: 3, k: 2 }, Node { i: 4, k: 2 });
+        assert!(!scene.graph().is_passable(through_the_wall.0, through_the_wall.1));
+        assert!(scene.graph().is_passable(through_the_door.0, through_the_door.1));
+        assert_eq!(scene.starts().len(), 5);
+    }
+
+    #[test]
+    fn settings_out_of_range_are_refused() {
+        let (mesh, mut settings) = two_rooms();
+        settings.camera.start_positions = vec![[99, 0, 0, 2, 0]];
+        let error = Scene::new("bad", mesh.clone(), &settings).unwrap_err();
+        assert!(error.to_string().contains("start_positions"), "{error}");
+        settings.camera.start_positions.clear();
+        settings.camera.x_min[1] = 50.0;
+        assert!(matches!(Scene::new("bad", mesh, &settings), Err(SceneError::NoFreePose { .. })));
+    }
+}
