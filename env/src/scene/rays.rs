@@ -47,9 +47,7 @@ impl RayIndex {
         let pad = Vec3A::splat(size * PADDING);
         let boxes: Vec<Aabb> = mesh
             .iter_corners()
-            .map(|[a, b, c]| {
-                Aabb::new(Vec3A::from(a.min(b).min(c)) - pad, Vec3A::from(a.max(b).max(c)) + pad)
-            })
+            .map(|[a, b, c]| Aabb::new(Vec3A::from(a.min(b).min(c)) - pad, Vec3A::from(a.max(b).max(c)) + pad))
             .collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
         let corners = bvh.primitive_indices.iter().map(|&t| mesh.corners(t as usize)).collect();
@@ -174,9 +172,9 @@ mod tests {
 
     /// Points on corners and edges of every `step`-th triangle.
     fn seams(mesh: &Mesh, step: usize) -> impl Iterator<Item = Vec3> + '_ {
-        mesh.iter_corners().step_by(step).flat_map(|[a, b, c]| {
-            [a, b, c, (a + b) / 2.0, b.lerp(c, 0.3), c.lerp(a, 0.123)].into_iter()
-        })
+        mesh.iter_corners()
+            .step_by(step)
+            .flat_map(|[a, b, c]| [a, b, c, (a + b) / 2.0, b.lerp(c, 0.3), c.lerp(a, 0.123)].into_iter())
     }
 
     #[test]

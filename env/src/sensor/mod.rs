@@ -1,0 +1,52 @@
+//! What the agent sees: depth images of a scene.
+//!
+//! Second step of the flow, `scene → sensor → map`. [`DepthCamera`] rasterises and is the one to use; [`RayCamera`]
+//! shoots one watertight ray per pixel, a hundred times slower, and is the oracle that the tests hold it against.
+
+pub mod camera;
+pub mod raster;
+#[cfg(test)]
+#[path = "../../benches/scenes.rs"]
+#[allow(dead_code)]
+pub(crate) mod test_scenes;
+pub mod trace;
+
+pub use camera::{Camera, CameraError, MAX_SIDE};
+pub use raster::{DepthCamera, RasterIndex, render};
+pub use trace::{RayCamera, trace};
+
+use crate::pose::Pose;
+use crate::scene::Scene;
+
+/// A depth image. Keep one and capture into it again: its memory is reused.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// Pixels from left to right.
+    pub width: usize,
+    /// Pixels from top to bottom.
+    pub height: usize,
+    /// Row-major from the top-left pixel: depth along the optical axis in metres, 0 where no surface is within range.
+    pub depth: Vec<f32>,
+}
+
+impl Frame {
+    /// Depth of a pixel, metres; `None` where no surface is within range.
+    pub fn at(&self, col: usize, row: usize) -> Option<f32> {
+        Some(self.depth[row * self.width + col]).filter(|&depth| depth > 0.0)
+    }
+
+    /// Takes the size of a camera's image. The depths keep arbitrary old values.
+    fn resize(&mut self, camera: &Camera) {
+        (self.width, self.height) = (camera.width, camera.height);
+        self.depth.resize(camera.width * camera.height, 0.0);
+    }
+}
+
+/// Something that takes depth images.
+pub trait Sensor: Send + Sync {
+    /// Size, field of view and range of the images.
+    fn camera(&self) -> &Camera;
+
+    /// Takes one image, and sizes `out` to fit. The same scene and pose give the same bits, on any thread.
+    fn capture(&self, scene: &Scene, pose: &Pose, out: &mut Frame);
+}
