@@ -1,0 +1,44 @@
+//! The attention gate on a skip connection (Oktay et al., 2018).
+
+use super::conv::Conv;
+use super::init::Init;
+use super::norm::Norm;
+use burn::prelude::*;
+use burn::tensor::activation::{relu, sigmoid};
+
+/// Weighs each pixel of a skip connection by how well it fits what the decoder is looking for.
+#[derive(Module, Debug)]
+pub struct Gate {
+    conv_g: Conv,
+    norm_g: Norm,
+    conv_x: Conv,
+    norm_x: Norm,
+    conv_psi: Conv,
+    norm_psi: Norm,
+}
+
+impl Gate {
+    /// Signal and skip have `channels`, the space in which they meet half of that.
+    pub(crate) fn new(channels: usize, init: &Init<'_>) -> Self {
+        let inner = channels / 2;
+        Self {
+            conv_g: Conv::new(1, channels, inner, &init.of("conv_g")),
+            norm_g: Norm::new(inner, init),
+            conv_x: Conv::new(1, channels, inner, &init.of("conv_x")),
+            norm_x: Norm::new(inner, init),
+            conv_psi: Conv::new(1, inner, 1, &init.of("conv_psi")),
+            norm_psi: Norm::new(1, init),
+        }
+    }
+
+    /// `g`: the decoder's signal; `x`: the encoder's skip connection.
+    ///
+    /// # Shapes
+    /// `[b, c, h, w]` twice → `[b, c, h, w]`.
+    pub fn forward(&self, g_bchw: Tensor<4>, x_bchw: Tensor<4>) -> Tensor<4> {
+        let g_bihw = self.norm_g.forward(self.conv_g.forward(g_bchw));
+        let x_bihw = self.norm_x.forward(self.conv_x.forward(x_bchw.clone()));
+        let psi_b1hw = self.norm_psi.forward(self.conv_psi.forward(relu(g_bihw + x_bihw)));
+        x_bchw * sigmoid(psi_b1hw)
+    }
+}
