@@ -1,1 +1,19 @@
-//! infer
+//! Policies at work: from a checkpoint and scenes to episodes, tables and pictures.
+//!
+//! Data flows one way: `checkpoint + source → registry → rollout → eval → table | export | picture | plot`. Nothing here
+//! trains, and nothing here knows a tensor: networks answer behind [`nbp_env::Predictor`].
+
+pub mod checkpoint;
+
+pub mod registry;
+pub mod rollout;
+
+pub mod eval;
+
+pub mod table;
+
+pub use checkpoint::Settings;
+pub use eval::EvalConfig;
+pub use registry::{PolicyContext, PolicyKind};
+pub use rollout::{EpisodeRecord, Trial};
+pub use table::SummaryRow;

@@ -1,0 +1,265 @@
+//! From a checkpoint's folder to a network and the settings that it was trained with.
+//!
+//! The trainer leaves two notes in the `meta` of a checkpoint's `config.json`: [`SIM`], the simulator, and [`POLICY`], how
+//! its maps become paths. Where one is missing the defaults hold, with the checkpoint's own window.
+
+use nbp_env::encode::Trajectory;
+use nbp_env::policy::nbp::NbpConfig;
+use nbp_env::{Predictor, SimConfig};
+use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
+use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Key of the simulator's settings in a checkpoint's `meta`.
+pub const SIM: &str = "sim";
+/// Key of the policy's settings in a checkpoint's `meta`.
+pub const POLICY: &str = "policy";
+
+/// Obstacle threshold of the released code.
+const RELEASED_THRESHOLD: f32 = 0.13;
+
+/// All that decides an episode besides scene, seed and weights.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// The simulator.
+    pub sim: SimConfig,
+    /// How value and obstacle maps become paths.
+    pub policy: NbpConfig,
+}
+
+/// A checkpoint in use.
+#[derive(Clone)]
+pub struct Loaded {
+    /// The network.
+    pub predictor: Arc<dyn Predictor>,
+    /// Its description.
+    pub config: CheckpointConfig,
+}
+
+/// A checkpoint that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// Neither a checkpoint's folder nor the weights in one.
+    #[error("{path} is no checkpoint: {hint}")]
+    NotOne {
+        /// As given.
+        path: PathBuf,
+        /// What to do.
+        hint: String,
+    },
+    /// Damaged, or from another architecture.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// No such device.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// A note that cannot be read.
+    #[error("{path}: meta.{key} cannot be read: {reason}")]
+    Meta {
+        /// The `config.json`.
+        path: PathBuf,
+        /// [`SIM`] or [`POLICY`].
+        key: &'static str,
+        /// Why.
+        reason: String,
+    },
+    /// The network sees something else than the simulator shows.
+    #[error(
+        "the checkpoint was trained with {what} {trained}, but the settings have {found}: leave this setting as trained"
+    )]
+    Mismatch {
+        /// Which setting.
+        what: &'static str,
+        /// As trained.
+        trained: String,
+        /// As set.
+        found: String,
+    },
+}
+
+/// The folder of a checkpoint, given the folder itself or its `model.safetensors`.
+///
+/// # Errors
+/// When neither is there.
+pub fn folder(path: &Path) -> Result<PathBuf, CheckpointError> {
+    let refuse = |hint: String| Err(CheckpointError::NotOne { path: path.to_owned(), hint });
+    let has = |dir: &Path, name: &str| dir.join(name).is_file();
+    if path.is_dir() {
+        return match (has(path, WEIGHTS_FILE), has(path, CONFIG_FILE)) {
+            (true, true) => Ok(path.to_owned()),
+            (true, false) => refuse(format!("{CONFIG_FILE} is missing beside {WEIGHTS_FILE}")),
+            (false, _) => refuse(format!("the folder holds no {WEIGHTS_FILE}")),
+        };
+    }
+    let name = path.file_name().unwrap_or_default();
+    match path.extension().and_then(|extension| extension.to_str()) {
+        _ if !path.exists() => refuse("there is no such file or folder".into()),
+        _ if name == WEIGHTS_FILE || name == CONFIG_FILE => {
+            let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+            folder(parent.unwrap_or(Path::new(".")))
+        }
+        Some("pth" | "pt") => {
+            refuse("it is a PyTorch file, turn it into one first: infer import FILE --out DIR".into())
+        }
+        _ => refuse(format!("name a folder with {WEIGHTS_FILE} and {CONFIG_FILE}, or that {WEIGHTS_FILE}")),
+    }
+}
+
+/// A checkpoint's description and the settings in it, without its weights.
+///
+/// # Errors
+/// When it is not one, or its notes cannot be read.
+pub fn read(path: &Path) -> Result<(CheckpointConfig, Settings), CheckpointError> {
+    let dir = folder(path)?;
+    let config = weights::read_config(&dir)?;
+    let settings = settings_of(&config).map_err(|(key, reason)| CheckpointError::Meta {
+        path: dir.join(CONFIG_FILE),
+        key,
+        reason,
+    })?;
+    check(&config, &settings.sim)?;
+    Ok((config, settings))
+}
+
+/// The network of a checkpoint on a device.
+///
+/// # Errors
+/// When it is not one, is damaged, or the device does not work.
+pub fn load(path: &Path, device: DeviceChoice) -> Result<Loaded, CheckpointError> {
+    let dir = folder(path)?;
+    let predictor = NetPredictor::load(&dir, &device.resolve_for("infer")?)?;
+    let config = predictor.config().clone();
+    Ok(Loaded { predictor: Arc::new(predictor), config })
+}
+
+/// Whether the simulator shows what the network was trained to see.
+///
+/// # Errors
+/// Naming the setting that differs.
+pub fn check(config: &CheckpointConfig, sim: &SimConfig) -> Result<(), CheckpointError> {
+    let window = |pixels: usize, metres: f32| format!("{pixels} pixels over {metres} m");
+    let (trained, found) = (config.window, sim.encode.window);
+    let pairs = [
+        ("a window of", window(trained.pixels, trained.metres), window(found.pixels, found.metres)),
+        ("this number of layers:", config.net.layers().to_string(), sim.encode.layers.count.to_string()),
+    ];
+    match pairs.into_iter().find(|(_, trained, found)| trained != found) {
+        Some((what, trained, found)) => Err(CheckpointError::Mismatch { what, trained, found }),
+        None => Ok(()),
+    }
+}
+
+/// Leaves the settings in a checkpoint's description, for [`read`] to find.
+///
+/// # Errors
+/// When a setting has no JSON form (a number that is not finite).
+pub fn remember(config: &mut CheckpointConfig, settings: &Settings) -> Result<(), serde_json::Error> {
+    config.meta.insert(SIM.into(), serde_json::to_value(&settings.sim)?);
+    config.meta.insert(POLICY.into(), serde_json::to_value(settings.policy)?);
+    Ok(())
+}
+
+/// Settings for the weights that came with the paper, given the shape of their network.
+pub fn released(net: &NetConfig) -> Settings {
+    let mut settings = Settings::default();
+    settings.sim.encode.layers.count = net.layers();
+    settings.sim.encode.trajectory = Trajectory::Captures;
+    settings.policy.obstacle_threshold = RELEASED_THRESHOLD;
+    settings
+}
+
+fn settings_of(config: &CheckpointConfig) -> Result<Settings, (&'static str, String)> {
+    let mut settings = Settings::default();
+    settings.sim.encode.window = config.window;
+    settings.sim.encode.layers.count = config.net.layers();
+    if let Some(sim) = note(config, SIM)? {
+        settings.sim = sim;
+    }
+    if let Some(policy) = note(config, POLICY)? {
+        settings.policy = policy;
+    }
+    settings.sim.validate().map_err(|error| (SIM, error.to_string()))?;
+    Ok(settings)
+}
+
+fn note<T: for<'a> Deserialize<'a>>(
+    config: &CheckpointConfig,
+    key: &'static str,
+) -> Result<Option<T>, (&'static str, String)> {
+    let parse = |value: &Value| T::deserialize(value).map_err(|error| (key, error.to_string()));
+    config.meta.get(key).map(parse).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nbp_env::window::WindowSize;
+    use std::fs;
+
+    fn small() -> CheckpointConfig {
+        CheckpointConfig::new(NetConfig { base: 2, ..NetConfig::default() }, WindowSize { pixels: 32, metres: 20.0 })
+    }
+
+    fn write(dir: &Path, config: &CheckpointConfig) {
+        fs::write(dir.join(CONFIG_FILE), serde_json::to_string(config).unwrap()).unwrap();
+        fs::write(dir.join(WEIGHTS_FILE), b"").unwrap();
+    }
+
+    #[test]
+    fn notes_come_back_and_defaults_take_the_window() {
+        let dir = tempfile::tempdir().unwrap();
+        write(dir.path(), &small());
+        let (_, settings) = read(dir.path()).unwrap();
+        assert_eq!(settings.sim.encode.window, small().window);
+        assert_eq!(settings.policy, NbpConfig::default());
+
+        let mut mine = Settings::default();
+        mine.sim.encode.window = small().window;
+        mine.sim.keep = 0.1;
+        mine.policy.fuse_observed = true;
+        let mut config = small();
+        remember(&mut config, &mine).unwrap();
+        write(dir.path(), &config);
+        assert_eq!(read(&dir.path().join(WEIGHTS_FILE)).unwrap(), (config, mine));
+    }
+
+    #[test]
+    fn settings_that_the_network_does_not_fit_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut config = small();
+        remember(&mut config, &Settings::default()).unwrap();
+        write(dir.path(), &config);
+        let error = read(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("32 pixels over 20 m") && error.contains("256 pixels over 40 m"), "{error}");
+        config.meta.insert(SIM.into(), serde_json::json!({"keeep": 0.1}));
+        write(dir.path(), &config);
+        let error = read(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("meta.sim") && error.contains("keeep"), "{error}");
+    }
+
+    #[test]
+    fn what_is_no_checkpoint_says_what_to_do() {
+        let dir = tempfile::tempdir().unwrap();
+        let message = |path: &Path| folder(path).unwrap_err().to_string();
+        assert!(message(&dir.path().join("nowhere")).contains("no such file"));
+        assert!(message(dir.path()).contains("holds no model.safetensors"));
+        let pth = dir.path().join("nbp.pth");
+        fs::write(&pth, b"").unwrap();
+        assert!(message(&pth).contains("infer import"));
+        fs::write(dir.path().join(WEIGHTS_FILE), b"").unwrap();
+        assert!(message(dir.path()).contains("config.json is missing"));
+        assert!(message(&dir.path().join(WEIGHTS_FILE)).contains("config.json is missing"));
+    }
+
+    #[test]
+    fn the_released_settings_are_those_of_the_released_code() {
+        let settings = released(&NetConfig::default());
+        assert_eq!(settings.policy.obstacle_threshold, 0.13);
+        assert_eq!(settings.sim.encode.window, WindowSize { pixels: 256, metres: 40.0 });
+        assert!(settings.sim.validate().is_ok());
+    }
+}

@@ -1,0 +1,171 @@
+//! Every policy by its name: a new one is a file in `env/src/policy`, a variant and an arm here.
+
+use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
+use nbp_env::policy::oracle::OracleObstacles;
+use nbp_env::policy::{Plan, PolicyError, fbe::Fbe, random::Random};
+use nbp_env::{Action, MapView, Policy, Predictor, Rng, World};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// The policies that can be run and compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PolicyKind {
+    /// A uniformly drawn move and heading.
+    Random,
+    /// The nearest frontier.
+    Fbe,
+    /// The network's value and obstacle maps.
+    Nbp,
+    /// The network's value map on the true obstacle map (paper, Table 4).
+    OracleObstacles,
+}
+
+/// What policies are built from.
+#[derive(Clone, Default)]
+pub struct PolicyContext {
+    /// The network, for the policies that need one.
+    pub predictor: Option<Arc<dyn Predictor>>,
+    /// How value and obstacle maps become paths.
+    pub nbp: NbpConfig,
+}
+
+/// A policy that cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum RegistryError {
+    /// Not one of the names.
+    #[error("no policy is called `{name}`: use one of {known}", known = PolicyKind::names())]
+    Unknown {
+        /// As given.
+        name: String,
+    },
+    /// It asks a network, and there is none.
+    #[error("policy {0} needs a network: give a checkpoint (--checkpoint DIR)")]
+    NeedsNetwork(PolicyKind),
+}
+
+impl PolicyKind {
+    /// All policies, baselines first.
+    pub const ALL: [Self; 4] = [Self::Random, Self::Fbe, Self::Nbp, Self::OracleObstacles];
+
+    /// Name on the command line and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Fbe => "fbe",
+            Self::Nbp => "nbp",
+            Self::OracleObstacles => "oracle-obstacles",
+        }
+    }
+
+    /// All names, for messages.
+    pub fn names() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+
+    /// Whether it asks a network.
+    pub fn needs_network(self) -> bool {
+        matches!(self, Self::Nbp | Self::OracleObstacles)
+    }
+}
+
+impl FromStr for PolicyKind {
+    type Err = RegistryError;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        let unknown = || RegistryError::Unknown { name: name.to_owned() };
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(unknown)
+    }
+}
+
+impl fmt::Display for PolicyKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A policy ready for episodes in `world`. It answers to the name of its kind.
+///
+/// # Errors
+/// When it needs a network and the context has none.
+pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> Result<Box<dyn Policy>, RegistryError> {
+    let network = || context.predictor.clone().ok_or(RegistryError::NeedsNetwork(kind));
+    let nbp = |predictor: Arc<dyn Predictor>| {
+        Nbp::new(predictor, context.nbp, Passability::Predicted, world.config().encode.trajectory)
+    };
+    Ok(match kind {
+        PolicyKind::Random => Box::new(Random),
+        PolicyKind::Fbe => Box::new(Fbe::default()),
+        PolicyKind::Nbp => Box::new(nbp(network()?)),
+        PolicyKind::OracleObstacles => {
+            let oracle = OracleObstacles::new(network()?, Arc::clone(world));
+            Box::new(Named { kind, inner: nbp(Arc::new(oracle)) })
+        }
+    })
+}
+
+/// A policy made of another one under a name of its own.
+struct Named<P> {
+    kind: PolicyKind,
+    inner: P,
+}
+
+impl<P: Policy> Policy for Named<P> {
+    fn name(&self) -> &'static str {
+        self.kind.name()
+    }
+
+    fn begin(&mut self) {
+        self.inner.begin();
+    }
+
+    fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
+        self.inner.act(view, rng)
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        self.inner.plan()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use nbp_env::{EncoderInput, ObstacleMap, PredictError, Prediction, Scene, SimConfig, ValueMap};
+
+    /// Promises most far from the start and sees no walls: a network's stand-in.
+    pub(crate) struct Wanderer;
+
+    impl Predictor for Wanderer {
+        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+            let answer = |input: &EncoderInput| {
+                let (pixels, size) = (input.size(), input.size() / 4);
+                let gain = |n: usize| (n / size % size).abs_diff(size / 2) as f32 + (n % 3) as f32;
+                Prediction {
+                    value: ValueMap { size, gain: (0..8 * size * size).map(gain).collect() },
+                    obstacle: ObstacleMap { size: pixels, probability: vec![0.1; pixels * pixels] },
+                }
+            };
+            Ok(inputs.iter().map(answer).collect())
+        }
+    }
+
+    pub(crate) fn with_network() -> PolicyContext {
+        PolicyContext { predictor: Some(Arc::new(Wanderer)), ..PolicyContext::default() }
+    }
+
+    #[test]
+    fn names_round_trip_and_policies_answer_to_them() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        for kind in PolicyKind::ALL {
+            assert_eq!(kind.to_string().parse::<PolicyKind>().unwrap(), kind);
+            assert_eq!(build(kind, &with_network(), &world).unwrap().name(), kind.name());
+            let blind = build(kind, &PolicyContext::default(), &world);
+            assert_eq!(blind.is_err(), kind.needs_network());
+        }
+        let error = "greedy".parse::<PolicyKind>().unwrap_err().to_string();
+        assert!(error.contains("random, fbe, nbp, oracle-obstacles"), "{error}");
+    }
+}

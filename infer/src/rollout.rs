@@ -1,0 +1,206 @@
+//! One episode of one policy: the loop `look → act → step`, and what is written down of it.
+
+use nbp_env::policy::PolicyError;
+use nbp_env::{Episode, LatticePose, Policy, SeedTree, World, metrics};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Which episode: the same trial of the same scene is the same for every policy, up to its decisions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Trial {
+    /// Number of the start among [`nbp_env::Scene::starts`].
+    pub start: usize,
+    /// Root of the random streams.
+    pub seed: u64,
+    /// Steps given.
+    pub steps: usize,
+}
+
+/// An episode that cannot be run or broke off.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// The scene has fewer starts.
+    #[error("scene {scene} has {count} start poses, so there is no number {start} (they count from 0)")]
+    NoSuchStart {
+        /// Scene.
+        scene: String,
+        /// As asked for.
+        start: usize,
+        /// What it has.
+        count: usize,
+    },
+    /// The policy failed.
+    #[error("scene {scene}, policy {policy}, start {start}, seed {seed}, step {step}: {source}")]
+    Policy {
+        /// Scene.
+        scene: String,
+        /// Policy.
+        policy: String,
+        /// Number of the start.
+        start: usize,
+        /// Root seed.
+        seed: u64,
+        /// Steps done.
+        step: usize,
+        /// Why.
+        source: PolicyError,
+    },
+}
+
+impl Trial {
+    /// Where it starts.
+    ///
+    /// # Errors
+    /// When the scene has no start of this number.
+    pub fn pose(&self, world: &World) -> Result<LatticePose, RolloutError> {
+        let scene = world.scene();
+        scene.starts().get(self.start).copied().ok_or_else(|| RolloutError::NoSuchStart {
+            scene: scene.name().to_owned(),
+            start: self.start,
+            count: scene.starts().len(),
+        })
+    }
+
+    /// The node that all its random streams hang from. Policies do not enter: which pixels become points depends on the
+    /// trial alone, so that policies are compared on equal terms.
+    pub fn seeds(&self, scene: &str) -> SeedTree {
+        SeedTree::new(self.seed).child(&format!("scene:{scene}"), 0).child("start", self.start as u64)
+    }
+}
+
+/// What is written down of an episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeRecord {
+    /// Scene.
+    pub scene: String,
+    /// Policy.
+    pub policy: String,
+    /// Number of the start pose.
+    pub start: usize,
+    /// Root seed.
+    pub seed: u64,
+    /// Steps done.
+    pub steps: usize,
+    /// Covered share, 0 to 1, at the start and after each step: `steps + 1` numbers.
+    pub curve: Vec<f32>,
+    /// Last of the curve.
+    pub final_coverage: f64,
+    /// Area under the curve over its steps, 0 to 1.
+    pub auc: f64,
+    /// Moves that hit an obstacle.
+    pub bumps: usize,
+    /// Metres walked.
+    pub path_length: f32,
+    /// Mean time that the policy took for a decision, milliseconds. The only field that differs between runs.
+    pub decision_ms: f64,
+    /// Pose at the start and after each step.
+    pub poses: Vec<LatticePose>,
+}
+
+/// A finished episode: its record, and the episode itself for its map.
+pub struct Rollout {
+    /// What is written down.
+    pub record: EpisodeRecord,
+    /// The agent at the end of its way.
+    pub episode: Episode,
+}
+
+/// Lets `policy` act for a whole trial. `on_step` is called at the start and after every step.
+///
+/// # Errors
+/// When the scene has no such start or the policy fails.
+pub fn run_episode(
+    world: &Arc<World>,
+    policy: &mut dyn Policy,
+    trial: Trial,
+    mut on_step: impl FnMut(&Episode, &dyn Policy),
+) -> Result<Rollout, RolloutError> {
+    let scene = world.scene().name();
+    let seeds = trial.seeds(scene);
+    let mut rng = seeds.child(&format!("policy:{}", policy.name()), 0).rng();
+    let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds);
+    let mut deciding = 0.0;
+    policy.begin();
+    on_step(&episode, policy);
+    while !episode.is_over() {
+        let clock = Instant::now();
+        let action = policy.act(&episode.view(), &mut rng).map_err(|source| RolloutError::Policy {
+            scene: scene.to_owned(),
+            policy: policy.name().to_owned(),
+            start: trial.start,
+            seed: trial.seed,
+            step: episode.steps(),
+            source,
+        })?;
+        deciding += clock.elapsed().as_secs_f64();
+        episode.step(action);
+        on_step(&episode, policy);
+    }
+    let record = EpisodeRecord {
+        scene: scene.to_owned(),
+        policy: policy.name().to_owned(),
+        start: trial.start,
+        seed: trial.seed,
+        steps: episode.steps(),
+        curve: episode.curve().to_vec(),
+        final_coverage: metrics::final_coverage(episode.curve()),
+        auc: metrics::auc(episode.curve()),
+        bumps: episode.bumps(),
+        path_length: episode.path_length(),
+        decision_ms: 1e3 * deciding / episode.steps().max(1) as f64,
+        poses: episode.view().history().to_vec(),
+    };
+    Ok(Rollout { record, episode })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::registry::{self, PolicyKind, tests::with_network};
+    use nbp_env::{Scene, SimConfig};
+
+    fn run(kind: PolicyKind, trial: Trial) -> Result<Rollout, RolloutError> {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let mut policy = registry::build(kind, &with_network(), &world).unwrap();
+        run_episode(&world, policy.as_mut(), trial, |_, _| ())
+    }
+
+    #[test]
+    fn every_policy_walks_and_repeats_itself() {
+        let trial = Trial { start: 1, seed: 7, steps: 12 };
+        for kind in PolicyKind::ALL {
+            let (first, again) = (run(kind, trial).unwrap().record, run(kind, trial).unwrap().record);
+            assert_eq!(
+                EpisodeRecord { decision_ms: 0.0, ..first.clone() },
+                EpisodeRecord { decision_ms: 0.0, ..again }
+            );
+            assert_eq!((first.steps, first.curve.len(), first.poses.len()), (12, 13, 13));
+            assert_eq!(first.policy, kind.name());
+            assert!(first.final_coverage > 0.0 && first.auc > 0.0 && first.auc <= first.final_coverage);
+        }
+    }
+
+    #[test]
+    fn policies_see_the_same_first_frame() {
+        let trial = Trial { start: 0, seed: 3, steps: 1 };
+        let firsts = PolicyKind::ALL.map(|kind| run(kind, trial).unwrap().record.curve[0]);
+        assert!(firsts.iter().all(|&first| first == firsts[0]), "{firsts:?}");
+        let other = run(PolicyKind::Random, Trial { seed: 4, ..trial }).unwrap().record;
+        assert_ne!(other.curve[0], firsts[0]);
+    }
+
+    #[test]
+    fn an_oracle_does_not_bump() {
+        let trial = |start| Trial { start, seed: 1, steps: 40 };
+        let bumps = |kind| (0..5).map(|start| run(kind, trial(start)).unwrap().record.bumps).sum::<usize>();
+        assert_eq!(bumps(PolicyKind::OracleObstacles), 0);
+        assert!(bumps(PolicyKind::Nbp) > 0, "the stand-in sees no walls");
+    }
+
+    #[test]
+    fn a_start_that_is_not_there_is_an_error() {
+        let error = run(PolicyKind::Random, Trial { start: 9, seed: 0, steps: 1 }).err().unwrap().to_string();
+        assert!(error.contains("two_rooms has 5 start poses"), "{error}");
+    }
+}
