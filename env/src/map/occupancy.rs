@@ -82,8 +82,10 @@ impl OccupancyGrid {
         }
     }
 
-    /// Number of occupied cells on the segment between two positions.
-    pub fn obstacles_between(&self, a: Vec3, b: Vec3) -> usize {
-        cells_between(a, b, CELL).filter(|&cell| self.get(cell) == Cell::Occupied).count()
+    /// Whether a wall was seen between two positions. The cells of the positions themselves do not count: one can stand
+    /// closer to a wall than a cell is wide.
+    pub fn is_wall_between(&self, a: Vec3, b: Vec3) -> bool {
+        let ends = [Self::cell_of(a), Self::cell_of(b)];
+        cells_between(a, b, CELL).any(|cell| self.get(cell) == Cell::Occupied && !ends.contains(&cell))
     }
 }

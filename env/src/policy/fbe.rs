@@ -1,6 +1,6 @@
 //! `fbe`: frontier-based exploration, nearest frontier first (Yamauchi 1997; baselines.md, section 2).
 
-use super::{Plan, Policy, PolicyError, action_towards, turn_on_the_spot};
+use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::episode::Action;
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
@@ -15,9 +15,6 @@ const MIN_CLUSTER: usize = 5;
 
 /// From how far a frontier is looked at, metres.
 const VIEW_DISTANCE: f32 = 1.5;
-
-/// Occupied cells on a move's segment from which it is taken to be blocked.
-const BLOCKING_CELLS: usize = 1;
 
 /// Half the angle that one heading sees.
 const HALF_VIEW: f32 = std::f32::consts::FRAC_PI_4;
@@ -40,12 +37,12 @@ impl Fbe {
         let target = *plan.path.get(self.next)?;
         let here = view.pose().node;
         let is_worth_it = self.target.iter().any(|&cell| view.occupancy().get(cell) == Cell::Unknown);
-        (arrived && is_worth_it && (target.node == here || is_passable(view, here, target.node))).then_some(target)
+        (arrived && is_worth_it && (target.node == here || observed_price(view, here, target.node).is_some())).then_some(target)
     }
 
     fn make_plan(&mut self, view: &MapView<'_>) {
         let here = view.pose().node;
-        let paths = ShortestPaths::from(here, |a, b| is_passable(view, a, b).then_some(1.0));
+        let paths = ShortestPaths::from(here, |a, b| observed_price(view, a, b));
         let goal = nearest_frontier(view, &paths).or_else(|| nearest_unseen(view, &paths));
         let (path, target) = match goal {
             None => (Vec::new(), Vec::new()),
@@ -82,12 +79,6 @@ impl Policy for Fbe {
     fn plan(&self) -> Option<&Plan> {
         self.plan.as_ref()
     }
-}
-
-fn is_passable(view: &MapView<'_>, a: Node, b: Node) -> bool {
-    let lattice = view.lattice();
-    let is_clear = || view.occupancy().obstacles_between(lattice.position(a), lattice.position(b)) < BLOCKING_CELLS;
-    lattice.contains(b) && (view.is_traversed(a, b) || (view.bumps(a, b) == 0 && is_clear()))
 }
 
 /// Poses of a path: looking where one walks, and as the goal says at its end.
@@ -150,7 +141,7 @@ fn best_look(view: &MapView<'_>, node: Node, cells: &[CellIndex]) -> Option<Latt
     for &cell in cells {
         let away = OccupancyGrid::middle(cell) - eye;
         let azimuth = away.x.atan2(away.z);
-        let is_visible = view.occupancy().obstacles_between(eye, OccupancyGrid::middle(cell)) == 0;
+        let is_visible = !view.occupancy().is_wall_between(eye, OccupancyGrid::middle(cell));
         for heading in Heading::all().filter(|_| is_visible) {
             let turn = (azimuth - heading.azimuth()).sin().atan2((azimuth - heading.azimuth()).cos());
             seen[heading.index()] += usize::from(turn.abs() <= HALF_VIEW);

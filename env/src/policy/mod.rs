@@ -52,6 +52,22 @@ pub trait Policy: Send {
     }
 }
 
+/// Price of a move across a wall that was seen: walls nearly along the way look the same on a grid, so such a move is a
+/// last resort, and only a bump rules it out.
+const DOUBTFUL_PRICE: f32 = 10.0;
+
+/// What experience says a move costs: unknown space counts as free, so that the way across a lattice cell not yet seen
+/// can be planned (baselines.md, section 2).
+fn observed_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
+    let lattice = view.lattice();
+    if !lattice.contains(b) || view.bumps(a, b) > 0 {
+        return None;
+    }
+    let is_doubtful =
+        !view.is_traversed(a, b) && view.occupancy().is_wall_between(lattice.position(a), lattice.position(b));
+    Some(if is_doubtful { DOUBTFUL_PRICE } else { 1.0 })
+}
+
 /// The action that goes from one pose to a neighbouring one (or turns).
 fn action_towards(from: Node, to: LatticePose) -> Action {
     Action { direction: Direction::between(from, to.node), heading: to.heading }

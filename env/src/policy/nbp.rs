@@ -1,6 +1,6 @@
 //! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2).
 
-use super::{Plan, Policy, PolicyError, action_towards, turn_on_the_spot};
+use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::encode::{Trajectory, encode};
 use crate::episode::{Action, World};
 use crate::goal::{Candidate, GoalRule};
@@ -74,45 +74,38 @@ impl Nbp {
     fn follow(&self, view: &MapView<'_>) -> Option<LatticePose> {
         let target = *self.plan.as_ref()?.path.get(self.next)?;
         let here = view.pose().node;
-        (target.node == here || self.is_open_as_observed(view, here, target.node)).then_some(target)
+        (target.node == here || self.still_holds(view, here, target.node)).then_some(target)
     }
 
-    /// What experience says of an edge: bumps close it, and so does a wall that was seen, where that is trusted.
-    fn is_open_as_observed(&self, view: &MapView<'_>, a: Node, b: Node) -> bool {
-        if matches!(self.passability, Passability::Truth(_)) || view.is_traversed(a, b) {
-            return true;
+    /// Whether nothing that was met since the plan was made speaks against an edge of it.
+    fn still_holds(&self, view: &MapView<'_>, a: Node, b: Node) -> bool {
+        match (&self.passability, self.config.fuse_observed) {
+            (Passability::Truth(_), _) => true,
+            (Passability::Predicted, false) => view.bumps(a, b) == 0,
+            (Passability::Predicted, true) => observed_price(view, a, b) == Some(1.0),
         }
+    }
+
+    /// What the planner pays for an edge; `None` where it is closed or leaves the window.
+    fn price(&self, view: &MapView<'_>, thought: &(EncoderInput, Prediction), a: Node, b: Node) -> Option<f32> {
+        let (input, prediction) = thought;
         let (from, to) = (view.lattice().position(a), view.lattice().position(b));
-        view.bumps(a, b) == 0 && !(self.config.fuse_observed && view.occupancy().obstacles_between(from, to) > 0)
-    }
-
-    fn is_passable(&self, view: &MapView<'_>, input: &EncoderInput, prediction: &Prediction, a: Node, b: Node) -> bool {
-        let lattice = view.lattice();
-        let (from, to) = (lattice.position(a), lattice.position(b));
-        if !lattice.contains(b) || input.window.pixel(to).is_none() {
-            return false;
-        }
+        input.window.pixel(to)?;
         if let Passability::Truth(world) = &self.passability {
-            return world.scene().graph().is_passable(a, b);
+            return world.scene().graph().is_passable(a, b).then_some(1.0);
         }
-        if view.is_traversed(a, b) {
-            return true;
-        }
-        if !self.is_open_as_observed(view, a, b) {
-            return false;
-        }
-        if self.config.fuse_observed {
-            let is_free = |cell| view.occupancy().get(cell) == Cell::Free;
-            if cells_between(from, to, occupancy::CELL).all(is_free) {
-                return true;
-            }
+        let observed = observed_price(view, a, b)?;
+        let is_known = || cells_between(from, to, occupancy::CELL).all(|cell| view.occupancy().get(cell) == Cell::Free);
+        if view.is_traversed(a, b) || (self.config.fuse_observed && is_known()) {
+            return Some(1.0);
         }
         let is_obstacle = |world: &[i32; 2]| {
-            // What was seen free stays free in a fused map, whatever the network says of it.
             let pixel = input.window.pixel_of(*world);
             pixel.is_some_and(|(row, col)| prediction.obstacle.at(row, col) >= self.config.obstacle_threshold)
         };
-        cells_between(from, to, input.window.size.pixel()).filter(is_obstacle).count() < self.config.blocking_pixels
+        let obstacles = cells_between(from, to, input.window.size.pixel()).filter(is_obstacle).count();
+        let is_open = obstacles < self.config.blocking_pixels;
+        is_open.then_some(if self.config.fuse_observed { observed } else { 1.0 })
     }
 
     fn make_plan(&self, view: &MapView<'_>, rng: &mut Rng) -> Result<Plan, PolicyError> {
@@ -122,10 +115,9 @@ impl Nbp {
             None => return Err(crate::predict::PredictError::Backend("no answer to one input".into()).into()),
         };
         let here = view.pose();
-        let paths = ShortestPaths::from(here.node, |a, b| {
-            self.is_passable(view, &input, &prediction, a, b).then_some(1.0)
-        });
-        let value = |pose| prediction.value.of_pose(&input.window, view.lattice(), pose);
+        let thought = (input, prediction);
+        let paths = ShortestPaths::from(here.node, |a, b| self.price(view, &thought, a, b));
+        let value = |pose| thought.1.value.of_pose(&thought.0.window, view.lattice(), pose);
         let is_wanted = |pose: &LatticePose| *pose != here && !(self.config.skip_visited && view.visits(*pose) > 0);
         let candidates: Vec<Candidate> = paths
             .reached()
@@ -142,7 +134,7 @@ impl Nbp {
             }
             path.push(goal.pose);
         }
-        Ok(Plan { made_at: view.step(), path, thought: Some((input, prediction)) })
+        Ok(Plan { made_at: view.step(), path, thought: Some(thought) })
     }
 
     fn heading_at(
