@@ -1,1 +1,110 @@
-//! env/dataset
+//! Doom maps as scenes (aimdoom.md): read from WAD files or generated, converted to closed meshes, written and measured.
+//!
+//! Data flows one way: `wad | generate → DoomMap → convert → SceneBundle → write`, and `stats` measures what was written.
+
+pub mod doom_map;
+pub mod wad;
+
+pub mod triangulate;
+
+pub mod convert;
+
+pub mod generate;
+
+pub mod navigation;
+pub mod picture;
+pub mod stats;
+pub mod write;
+
+pub use convert::{ConvertError, ConvertOptions, ConvertReport, SceneBundle, convert};
+pub use doom_map::DoomMap;
+pub use generate::{GenerateError, Generated, Level, generate};
+pub use write::{WriteError, write_scene};
+
+use nbp_env::scene::SceneError;
+use nbp_env::{Scene, SeedTree};
+use std::path::Path;
+
+/// Why a WAD's map is no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum WadSceneError {
+    /// The WAD cannot be read.
+    #[error("{path}: {source}")]
+    Wad {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Why.
+        source: wad::WadError,
+    },
+    /// Several maps and none named.
+    #[error("{path} holds {count} maps ({maps}): name one")]
+    Which {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Number of maps.
+        count: usize,
+        /// Their names.
+        maps: String,
+    },
+    /// The converter refuses it.
+    #[error("{path}: {source}")]
+    Convert {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Why.
+        source: ConvertError,
+    },
+    /// The mesh makes no scene.
+    #[error("{path}: {source}")]
+    Scene {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Why.
+        source: SceneError,
+    },
+}
+
+/// The scene of a map in a WAD, in memory; `map` may be left out where the WAD holds one.
+///
+/// # Errors
+/// Naming the file and what is wrong with it.
+pub fn scene_from_wad(path: &Path, map: Option<&str>) -> Result<Scene, WadSceneError> {
+    let path = path.to_path_buf();
+    let wad = wad::Wad::open(&path).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
+    let available = wad.maps();
+    let map = match (map, available.as_slice()) {
+        (Some(map), _) => map,
+        (None, [only]) => only,
+        (None, all) => {
+            let (count, maps) = (all.len(), all.join(", "));
+            return Err(WadSceneError::Which { path, count, maps });
+        }
+    };
+    let mut read = wad.map(map).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
+    read.name = scene_name(&path, map, available.len());
+    let bundle = convert(&read, ConvertOptions::default())
+        .map_err(|source| WadSceneError::Convert { path: path.clone(), source })?;
+    to_scene(bundle).map_err(|source| WadSceneError::Scene { path, source })
+}
+
+/// Name of a map's scene: the file's, with the map's where the WAD holds several. What cannot be in a folder name becomes
+/// `-`.
+pub fn scene_name(path: &Path, map: &str, maps: usize) -> String {
+    let stem = path.file_stem().map_or_else(|| "map".into(), |stem| stem.to_string_lossy().into_owned());
+    let name = if maps == 1 { stem } else { format!("{stem}_{}", map.to_ascii_uppercase()) };
+    let plain = name.trim_start_matches('.').chars();
+    plain.map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+}
+
+/// The scene of a bundle, in memory.
+///
+/// # Errors
+/// When the mesh has no free lattice pose.
+pub fn to_scene(bundle: SceneBundle) -> Result<Scene, SceneError> {
+    Scene::new(bundle.name, bundle.mesh, &bundle.settings)
+}
+
+/// Seed of one map in a set: sets of different seeds share no map, and a map does not depend on the size of its set.
+pub fn batch_seed(seed: u64, number: u64) -> u64 {
+    SeedTree::new(seed).child("map", number).key()
+}

@@ -1,2 +1,53 @@
-//! bin
-fn main() {}
+//! `dataset`: generates scenes, converts Doom maps, measures what is there.
+//!
+//! Results go to stdout, talk to stderr. Exit codes: 0 ok, 1 failure, 2 wrong usage.
+
+mod cli;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "dataset", version, about, after_help = EXAMPLES)]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+    /// Worker threads; results do not depend on it [default: all cores].
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Make new maps and write their scenes.
+    Generate(cli::generate::Args),
+    /// Turn the maps of WAD files into scenes.
+    Convert(cli::convert::Args),
+    /// Measure scenes: areas, navigation complexity, walls.
+    Stats(cli::stats::Args),
+}
+
+const EXAMPLES: &str = "Examples:
+  dataset generate --level simple --count 100 --seed 1 --out data/simple --split
+  dataset convert doom2.wad --maps MAP01,MAP07 --out data/doom2
+  dataset stats data/simple";
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    if let Some(threads) = args.threads {
+        // Fails only when a pool exists already, and none does yet.
+        drop(rayon::ThreadPoolBuilder::new().num_threads(threads).build_global());
+    }
+    let done = match args.command {
+        Command::Generate(args) => cli::generate::run(&args),
+        Command::Convert(args) => cli::convert::run(&args),
+        Command::Stats(args) => cli::stats::run(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! `dataset convert`.
+
+use super::{Column, bar, print_table};
+use anyhow::{Context as _, Result, bail};
+use nbp_dataset::wad::Wad;
+use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "Examples:
+  dataset convert freedoom2.wad --maps MAP01,MAP07 --out data/freedoom
+  dataset convert maps/ --out data/maps
+
+A WAD with one map gives a scene called like the file, others FILE_MAP. A map that cannot be converted is listed with the
+reason, and the others go on. Exit code 1 when no map was converted.";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// WAD files, or folders of them.
+    #[arg(required = true, value_name = "WAD")]
+    wads: Vec<PathBuf>,
+    /// Only these maps, for example MAP01,E1M7 [default: all].
+    #[arg(long, value_delimiter = ',', value_name = "MAP,…")]
+    maps: Vec<String>,
+    /// Folder for the scenes; made if need be.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Convert maps whose sectors contradict each other.
+    #[arg(long)]
+    force: bool,
+    /// Replace scenes that exist.
+    #[arg(long)]
+    replace: bool,
+}
+
+/// What became of one map or one file.
+type Outcome = std::result::Result<SceneBundle, String>;
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let files = wad_files(&args.wads)?;
+    let mut jobs: Vec<(Wad, String, String)> = Vec::new();
+    let mut refused: Vec<String> = Vec::new();
+    for path in &files {
+        match Wad::open(path) {
+            Ok(wad) => {
+                let available: Vec<String> = wad.maps().iter().map(ToString::to_string).collect();
+                let maps = if args.maps.is_empty() { &available } else { &args.maps };
+                if maps.is_empty() {
+                    refused.push(format!("{}: the WAD holds no map", path.display()));
+                }
+                for map in maps {
+                    jobs.push((wad.clone(), map.to_ascii_uppercase(), scene_name(path, map, available.len())));
+                }
+            }
+            Err(error) => refused.push(format!("{}: {error}", path.display())),
+        }
+    }
+    let bar = bar(jobs.len(), "converting");
+    let one = |(wad, map, name): &(Wad, String, String)| -> Outcome {
+        let done = convert_one(wad, map, name, args).map_err(|error| format!("{name}: {error:#}"));
+        bar.inc(1);
+        done
+    };
+    let outcomes: Vec<Outcome> = jobs.par_iter().map(one).collect();
+    bar.finish_and_clear();
+    let mut scenes = Vec::new();
+    for outcome in outcomes {
+        match outcome {
+            Ok(scene) => scenes.push(scene),
+            Err(reason) => refused.push(reason),
+        }
+    }
+    let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+    print_table(&names, &scenes, &COLUMNS);
+    eprintln!("{} scenes in {}", scenes.len(), args.out.display());
+    for reason in &refused {
+        eprintln!("refused: {reason}");
+    }
+    if scenes.is_empty() {
+        bail!("no map was converted, {} refused", refused.len());
+    }
+    Ok(())
+}
+
+fn convert_one(wad: &Wad, map: &str, name: &str, args: &Args) -> Result<SceneBundle> {
+    let mut map = wad.map(map)?;
+    map.name = name.into();
+    let scene = convert(&map, ConvertOptions { force: args.force })?;
+    write_scene(&scene, &args.out, args.replace)?;
+    Ok(scene)
+}
+
+/// The files themselves and the WADs in folders, sorted.
+fn wad_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let is_wad = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("wad"));
+        let entries = std::fs::read_dir(path).with_context(|| format!("cannot list {}", path.display()))?;
+        let listed = entries.map(|entry| entry.map(|e| e.path())).collect::<std::io::Result<Vec<_>>>();
+        let mut found: Vec<PathBuf> = listed?.into_iter().filter(|path| is_wad(path)).collect();
+        if found.is_empty() {
+            bail!("{} holds no *.wad file", path.display());
+        }
+        found.sort();
+        files.extend(found);
+    }
+    Ok(files)
+}
+
+const COLUMNS: [Column<SceneBundle>; 8] = [
+    Column { heading: "map m²", decimals: 0, value: |s| s.report.map_area },
+    Column { heading: "floor m²", decimals: 0, value: |s| s.report.floor_area },
+    Column { heading: "connected m²", decimals: 0, value: |s| s.report.plane_area },
+    Column { heading: "positions", decimals: 0, value: |s| s.report.nodes as f64 },
+    Column { heading: "triangles", decimals: 0, value: |s| s.report.triangles as f64 },
+    Column { heading: "doors", decimals: 0, value: |s| s.report.doors as f64 },
+    Column { heading: "lifts", decimals: 0, value: |s| s.report.lifts as f64 },
+    Column { heading: "conflict m²", decimals: 2, value: |s| s.report.conflict_area },
+];

@@ -1,0 +1,50 @@
+//! The commands of the binary, one file each, and what they share: bars and tables.
+
+pub(crate) mod convert;
+pub(crate) mod generate;
+pub(crate) mod stats;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use nbp_dataset::stats::spread;
+
+/// A bar on stderr; nothing where stderr is no terminal.
+pub(crate) fn bar(count: usize, what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(count as u64);
+    // The template is a constant and valid; the plain bar would do, too.
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} [{elapsed} < {eta}]") {
+        bar.set_style(style);
+    }
+    bar.with_message(what)
+}
+
+/// One column of a table: a heading, decimals, and the figure of a row.
+pub(crate) struct Column<T> {
+    pub(crate) heading: &'static str,
+    pub(crate) decimals: usize,
+    pub(crate) value: fn(&T) -> f64,
+}
+
+/// Prints rows with their names and, below, mean ± standard deviation.
+pub(crate) fn print_table<T>(names: &[&str], rows: &[T], columns: &[Column<T>]) {
+    let widest = names.iter().map(|name| name.len()).max().unwrap_or(0).max(12);
+    let widths: Vec<usize> = columns.iter().map(|column| column.heading.len().max(13)).collect();
+    print!("{:widest$}", "scene");
+    columns.iter().zip(&widths).for_each(|(column, width)| print!("  {:>width$}", column.heading));
+    println!();
+    for (name, row) in names.iter().zip(rows) {
+        print!("{name:widest$}");
+        for (column, width) in columns.iter().zip(&widths) {
+            print!("  {:>width$.*}", column.decimals, (column.value)(row));
+        }
+        println!();
+    }
+    if rows.len() > 1 {
+        print!("{:widest$}", "mean ± sd");
+        for (column, width) in columns.iter().zip(&widths) {
+            let spread = spread(rows.iter().map(column.value));
+            let text = format!("{:.*} ± {:.*}", column.decimals, spread.mean, column.decimals, spread.deviation);
+            print!("  {text:>width$}");
+        }
+        println!();
+    }
+}

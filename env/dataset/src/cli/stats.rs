@@ -1,0 +1,68 @@
+//! `dataset stats`.
+
+use super::{Column, bar, print_table};
+use anyhow::{Context as _, Result, bail};
+use nbp_dataset::stats::{SceneStats, measure};
+use nbp_env::Scene;
+use nbp_env::scene::load::find_scenes;
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "Examples:
+  dataset stats data/simple
+  dataset stats data/simple data/normal --json stats.json
+
+Complexity is the largest ratio of walking to straight distance over all pairs of connected positions on the 1.5 m
+lattice; '1 % pairs' is the published protocol, a lower bound.";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Scene folders, folders of them at any depth, or OBJ files.
+    #[arg(required = true, value_name = "DIR")]
+    dirs: Vec<PathBuf>,
+    /// Also write the figures of every scene to this file.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let mut paths = Vec::new();
+    for dir in &args.dirs {
+        let found = find_scenes(dir)?;
+        if found.is_empty() {
+            bail!("{} holds no scene: give a folder with *.obj files at any depth", dir.display());
+        }
+        paths.extend(found);
+    }
+    let bar = bar(paths.len(), "measuring");
+    let one = |path: &PathBuf| -> Result<SceneStats> {
+        let stats = measure(&Scene::load(path)?);
+        bar.inc(1);
+        Ok(stats)
+    };
+    let scenes: Vec<SceneStats> = paths.par_iter().map(one).collect::<Result<_>>().context("stats")?;
+    bar.finish_and_clear();
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&scenes)?;
+        std::fs::write(path, text + "\n").with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let names: Vec<&str> = scenes.iter().map(|s| s.name.as_str()).collect();
+    print_table(&names, &scenes, &COLUMNS);
+    Ok(())
+}
+
+const COLUMNS: [Column<SceneStats>; 12] = [
+    Column { heading: "floor m²", decimals: 0, value: |s| s.floor_area },
+    Column { heading: "connected m²", decimals: 0, value: |s| s.plane_area },
+    Column { heading: "positions", decimals: 0, value: |s| s.nodes as f64 },
+    Column { heading: "complexity", decimals: 1, value: |s| s.complexity },
+    Column { heading: "1 % pairs", decimals: 1, value: |s| s.sampled_complexity },
+    Column { heading: "triangles", decimals: 0, value: |s| s.triangles as f64 },
+    Column { heading: "fill", decimals: 2, value: |s| s.fill },
+    Column { heading: "walls m/m²", decimals: 2, value: |s| s.wall_density },
+    Column { heading: "oblique", decimals: 2, value: |s| s.oblique_share },
+    Column { heading: "clear p50 m", decimals: 2, value: |s| s.clearance_p50 },
+    Column { heading: "clear p90 m", decimals: 2, value: |s| s.clearance_p90 },
+    Column { heading: "isles/100 m²", decimals: 1, value: |s| s.islands },
+];

@@ -1,0 +1,106 @@
+//! The structure that the WAD reader and the generator share: vertices, linedefs, sidedefs, sectors, things.
+//!
+//! Units are Doom's: whole map units, `x` to the right and `y` up on the map, heights upwards. 50 units are 1 m along
+//! the ground and 41.67 units are 1 m of height (aimdoom.md, section 1).
+
+/// Map units in a metre along the ground.
+pub const UNITS_PER_METRE: f64 = 50.0;
+
+/// Map units in a metre of height: the published maps stretch heights by 1.2.
+pub const HEIGHT_UNITS_PER_METRE: f64 = UNITS_PER_METRE / 1.2;
+
+/// Height of the camera above the modal floor, map units (1.65 m).
+pub const CAMERA_UNITS: f64 = 68.75;
+
+/// Distance of neighbouring lattice nodes, map units (1.5 m).
+pub const LATTICE_UNITS: f64 = 75.0;
+
+/// One map.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DoomMap {
+    /// Name of the scene it becomes.
+    pub name: String,
+    /// Corners of the plan.
+    pub vertices: Vec<Vertex>,
+    /// Lines of the plan.
+    pub linedefs: Vec<LineDef>,
+    /// Sides of lines.
+    pub sidedefs: Vec<SideDef>,
+    /// Rooms, steps, doors: areas with one floor and one ceiling.
+    pub sectors: Vec<Sector>,
+    /// Player starts, items, monsters. Not part of the mesh.
+    pub things: Vec<Thing>,
+}
+
+/// A corner of the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Vertex {
+    /// To the right.
+    pub x: i32,
+    /// Up on the map.
+    pub y: i32,
+}
+
+/// A line from one vertex to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineDef {
+    /// Index of the first vertex.
+    pub from: u32,
+    /// Index of the second vertex.
+    pub to: u32,
+    /// Bit 2 (value 4) marks two-sided lines.
+    pub flags: u16,
+    /// What happens when it is used, crossed or shot.
+    pub special: u16,
+    /// Sectors on which the special works.
+    pub tag: u16,
+    /// Side to the right of the direction `from → to`.
+    pub front: Option<u32>,
+    /// Side to the left.
+    pub back: Option<u32>,
+}
+
+/// One side of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SideDef {
+    /// Index of the sector on this side.
+    pub sector: u32,
+}
+
+/// An area with one floor and one ceiling.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sector {
+    /// Height of the floor.
+    pub floor: i32,
+    /// Height of the ceiling; at or below the floor for a closed door.
+    pub ceiling: i32,
+    /// Whether the ceiling shows the sky. The mesh is closed there all the same.
+    pub is_sky: bool,
+    /// Sector type (14 is a door that opens by itself).
+    pub special: u16,
+    /// Name that linedef specials use.
+    pub tag: u16,
+}
+
+/// A thing on the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Thing {
+    /// To the right.
+    pub x: i32,
+    /// Up on the map.
+    pub y: i32,
+    /// Facing, degrees from east, counter-clockwise.
+    pub angle: u16,
+    /// 1 is the first player's start.
+    pub kind: u16,
+    /// Difficulty flags.
+    pub flags: u16,
+}
+
+impl DoomMap {
+    /// Sector of a side, if the line has that side and every index is valid.
+    pub fn sector_of(&self, side: Option<u32>) -> Option<u32> {
+        let side = self.sidedefs.get(side? as usize)?;
+        ((side.sector as usize) < self.sectors.len()).then_some(side.sector)
+    }
+}
