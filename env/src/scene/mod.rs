@@ -102,6 +102,12 @@ impl Scene {
         &self.name
     }
 
+    /// The same scene under another name.
+    #[must_use]
+    pub fn with_name(self, name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..self }
+    }
+
     /// The triangles.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
