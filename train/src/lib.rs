@@ -1,1 +1,21 @@
-//! train
+//! Algorithm 1 of the paper: collect with the current model, remember, train on new and replayed samples, repeat.
+//!
+//! [`run`] is the loop; everything else is one of its verbs: [`scenes`] → [`collect`] → [`memory`] → [`curriculum`] →
+//! [`step`] → [`validate`] → [`checkpoint`], seen through [`log`].
+
+pub mod config;
+pub mod scenes;
+
+pub mod collect;
+pub mod curriculum;
+pub mod memory;
+
+pub mod plateau;
+pub mod step;
+pub mod validate;
+
+pub mod checkpoint;
+pub mod interrupt;
+pub mod log;
+pub mod report;
+pub mod run;

@@ -1,2 +1,204 @@
-//! bin
-fn main() {}
+//! `train`: see `train --help`.
+
+use anyhow::{Context as _, Result, bail};
+use clap::Parser;
+use nbp_model::{DeviceChoice, Nbp, weights};
+use nbp_train::checkpoint::{self, Progress};
+use nbp_train::config::{self, Config};
+use nbp_train::log::{Bars, Log};
+use nbp_train::memory::Memory;
+use nbp_train::run::{Clock, Outcome, Session, best_checkpoint, describe, last_checkpoint};
+use nbp_train::step::Learner;
+use nbp_train::{interrupt, report, scenes};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::{fs, io};
+
+/// Trains NextBestPath: collects trajectories, learns from them, and compares itself with simpler policies.
+///
+/// Running the same command again resumes, or says that the run is complete.
+#[derive(Parser)]
+#[command(version, after_help = EXAMPLES)]
+struct Arguments {
+    /// Configuration file; give it several times to stack them left to right [default: configs/quickstart.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Vec<PathBuf>,
+    /// One setting on top of the files, as path.to.key=value; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder of the run [default: runs/ and the configuration's name]
+    #[arg(long, value_name = "DIR")]
+    run: Option<PathBuf>,
+    /// Root of all random streams; the same as --set seed=N
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Where tensors live: auto, flex, ndarray, wgpu or cuda; the same as --set device=NAME
+    #[arg(long, value_name = "NAME")]
+    device: Option<DeviceChoice>,
+    /// Threads to use [default: all cores]; results do not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Print the resolved configuration and stop
+    #[arg(long)]
+    print_config: bool,
+    /// No progress bars
+    #[arg(short, long)]
+    quiet: bool,
+    /// Tell more; twice: tell all
+    #[arg(short, long, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cargo run -p train                                       ten minutes on generated Simple maps
+  cargo run -p train -- --set train.iterations=6 --run runs/longer
+  cargo run -p train -- --config configs/aimdoom/simple.toml --config configs/aimdoom/cpu.toml
+  cargo run -p train -- --config configs/quickstart.toml --set 'scenes.train.paths=[\"my/maps\"]'
+  tensorboard --logdir runs";
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    start_log(&arguments);
+    match train(&arguments) {
+        Ok(Outcome::Complete) => ExitCode::SUCCESS,
+        Ok(Outcome::Interrupted) => ExitCode::from(130),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn train(arguments: &Arguments) -> Result<Outcome> {
+    let (config, name) = configure(arguments)?;
+    if arguments.print_config {
+        print!("{}", config.to_toml()?);
+        return Ok(Outcome::Complete);
+    }
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
+    }
+    let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
+    let device = config.device.resolve_for("train")?;
+    prepare(&folder, &config)?;
+    interrupt::listen();
+
+    let bars = Bars::detect(arguments.quiet);
+    let log = Log::open(&folder, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
+    let resumes = checkpoint::recover(&last_checkpoint(&folder))?;
+    checkpoint::recover(&best_checkpoint(&folder))?;
+    let (net, device) = (config.net_config(), device.autodiff());
+    let (learner, progress) = if resumes {
+        checkpoint::load(&last_checkpoint(&folder), &net, &config.optim, &device)?
+    } else {
+        let weights = Nbp::new(&net, config.seed, &device)?;
+        let learner = Learner { net: weights, optim: config.optim.init(), config: net, device, steps: 0 };
+        (learner, Progress::new(config.optim.lr))
+    };
+    if progress.done {
+        return finish(&config, &folder, &log, true);
+    }
+    if resumes {
+        tracing::info!("resuming at iteration {}, step {}", progress.iteration + 1, progress.steps);
+    }
+    let worlds = scenes::load(&config.scenes.train, &config.sim, "training scenes", bars)?;
+    let open = |name: &str, count: usize| -> Result<Memory> {
+        let mut memory = Memory::open(&folder.join("memory").join(name))?;
+        memory.truncate(count)?;
+        Ok(memory)
+    };
+    let mut session = Session {
+        memory: open("train.bin", progress.memory)?,
+        held_out: open("validation.bin", progress.held_out)?,
+        clock: Clock::start(progress.seconds),
+        describe: describe(&config)?,
+        folder: folder.clone(),
+        config: config.clone(),
+        worlds,
+        learner,
+        progress,
+        log,
+    };
+    if session.run()? == Outcome::Interrupted {
+        eprintln!("saved in {}; the same command resumes", folder.display());
+        return Ok(Outcome::Interrupted);
+    }
+    finish(&config, &folder, &session.log, false)
+}
+
+/// Prints the final table, computed once and kept in `eval/`.
+fn finish(config: &Config, folder: &Path, log: &Log, was_done: bool) -> Result<Outcome> {
+    let kept = folder.join("eval/table.txt");
+    if was_done {
+        eprintln!("the run in {} is complete; train another with --run DIR", folder.display());
+    }
+    let table = match fs::read_to_string(&kept) {
+        Ok(table) if was_done => table,
+        _ => {
+            let table = report::final_table(config, folder, log)?;
+            weights::write_atomic(&kept, table.as_bytes()).with_context(|| format!("writing {}", kept.display()))?;
+            table
+        }
+    };
+    println!("{table}");
+    eprintln!("checkpoint: {}", best_checkpoint(folder).display());
+    Ok(Outcome::Complete)
+}
+
+fn configure(arguments: &Arguments) -> Result<(Config, String)> {
+    let default = [PathBuf::from("configs/quickstart.toml")];
+    let files = if arguments.config.is_empty() { &default[..] } else { &arguments.config[..] };
+    let files: Vec<PathBuf> = files.iter().map(|path| config::find(path, &checkout())).collect();
+    let mut config = Config::load(&files, &arguments.set)?;
+    config.seed = arguments.seed.unwrap_or(config.seed);
+    config.device = arguments.device.unwrap_or(config.device);
+    Ok((config, config::run_name(&files)))
+}
+
+/// Makes the run's folder, or checks that it was made for this configuration.
+fn prepare(folder: &Path, config: &Config) -> Result<()> {
+    let path = folder.join("config.toml");
+    match fs::read_to_string(&path) {
+        Ok(text) => {
+            let before: Config = toml::from_str(&text).with_context(|| format!("reading {}", path.display()))?;
+            let differences = before.differences(config);
+            if !differences.is_empty() {
+                bail!(
+                    "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
+                    folder.display(),
+                    differences.join("; ")
+                );
+            }
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
+            made.with_context(|| format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display()))?;
+            weights::write_atomic(&path, config.to_toml()?.as_bytes())
+                .with_context(|| format!("writing {}", path.display()))?;
+        }
+        Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+    }
+    Ok(())
+}
+
+/// The folder of the workspace, so that `cargo run` finds `configs/` and `runs/` from any folder below it.
+fn checkout() -> PathBuf {
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(Path::to_path_buf).unwrap_or_default();
+    if built_in.join("configs").is_dir() { built_in } else { PathBuf::new() }
+}
+
+fn start_log(arguments: &Arguments) {
+    let level = match (arguments.quiet, arguments.verbose) {
+        (true, _) => tracing::Level::WARN,
+        (false, 0) => tracing::Level::INFO,
+        (false, 1) => tracing::Level::DEBUG,
+        (false, _) => tracing::Level::TRACE,
+    };
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(io::stderr)
+        .with_target(false)
+        .without_time()
+        .init();
+}

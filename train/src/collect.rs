@@ -1,0 +1,171 @@
+//! Gathering trajectories with the current model, and cutting them into samples (paper, section 4.3).
+
+use crate::config::CollectConfig;
+use crate::memory::PackedSample;
+use nbp_env::episode::{Episode, World};
+use nbp_env::label::{Sample, Waypoint, value_labels};
+use nbp_env::parallel::try_map;
+use nbp_env::policy::nbp::{Nbp, Passability};
+use nbp_env::policy::{Plan, PolicyError};
+use nbp_env::{Heading, LatticePose, Policy, Predictor, SeedTree};
+use rand::RngExt as _;
+use rand::seq::IndexedRandom;
+use std::sync::Arc;
+
+/// What one trajectory gave.
+pub struct Trajectory {
+    /// Name of its scene.
+    pub scene: String,
+    /// Samples of all its paths, in order.
+    pub samples: Vec<PackedSample>,
+    /// Steps taken.
+    pub steps: usize,
+    /// Covered share at its end.
+    pub coverage: f32,
+    /// Its last plan, for the log.
+    pub plan: Option<Plan>,
+}
+
+/// `count` trajectories in each world, in parallel; the result does not depend on the number of threads.
+///
+/// # Errors
+/// When the predictor fails.
+pub fn trajectories(
+    worlds: &[Arc<World>],
+    predictor: &Arc<dyn Predictor>,
+    config: &CollectConfig,
+    count: usize,
+    seed: SeedTree,
+    on_done: impl Fn(&Trajectory) + Sync,
+) -> Result<Vec<Trajectory>, PolicyError> {
+    let jobs: Vec<(usize, usize)> = (0..worlds.len()).flat_map(|w| (0..count).map(move |n| (w, n))).collect();
+    try_map(&jobs, |&(w, n)| {
+        let seed = seed.child("world", w as u64).child("trajectory", n as u64);
+        let trajectory = trajectory(&worlds[w], predictor, config, seed)?;
+        on_done(&trajectory);
+        Ok(trajectory)
+    })
+}
+
+fn trajectory(
+    world: &Arc<World>,
+    predictor: &Arc<dyn Predictor>,
+    config: &CollectConfig,
+    seed: SeedTree,
+) -> Result<Trajectory, PolicyError> {
+    let mut rng = seed.child("policy", 0).rng();
+    let start = LatticePose {
+        node: world.scene().graph().largest_component().choose(&mut rng).copied().unwrap_or(world.scene().starts()[0].node),
+        heading: Heading::new(rng.random_range(0..8_usize)),
+    };
+    let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0));
+    let trajectory_image = world.config().encode.trajectory;
+    let mut policy =
+        Nbp::new(Arc::clone(predictor), config.policy, Passability::Truth(Arc::clone(world)), trajectory_image);
+    policy.begin();
+    let mut samples = Vec::new();
+    let mut path = vec![waypoint(&episode)];
+    while !episode.is_over() && episode.curve().last().is_none_or(|&share| share <= config.enough) {
+        let action = policy.act(&episode.view(), &mut rng)?;
+        // A plan made just now ends the path before it: the pose between them is its goal and the next one's start.
+        if policy.plan().is_some_and(|plan| plan.made_at == episode.steps()) && path.len() > 1 {
+            samples.extend(cut(&path, world));
+            path.drain(..path.len() - 1);
+        }
+        episode.step(action);
+        path.push(waypoint(&episode));
+    }
+    samples.extend(cut(&path, world));
+    Ok(Trajectory {
+        scene: world.scene().name().into(),
+        samples,
+        steps: episode.steps(),
+        coverage: episode.curve().last().copied().unwrap_or_default(),
+        plan: policy.plan().cloned(),
+    })
+}
+
+fn waypoint(episode: &Episode) -> Waypoint {
+    Waypoint {
+        pose: episode.pose(),
+        input: episode.encode(),
+        step: episode.steps(),
+        covered: episode.covered().last().copied().unwrap_or_default(),
+    }
+}
+
+/// One sample for each pose of a path but its last, labelled with all that follow (paper, section 4.3: `0 ≤ i < j ≤ m`).
+fn cut(path: &[Waypoint], world: &World) -> Vec<PackedSample> {
+    let last = path.len().saturating_sub(1);
+    path[..last]
+        .iter()
+        .enumerate()
+        .map(|(i, waypoint)| {
+            PackedSample::new(&Sample {
+                input: waypoint.input.clone(),
+                step: waypoint.step,
+                labels: value_labels(path, i, world.scene().lattice(), world.surface().len()),
+                obstacles: world.obstacles().crop(&waypoint.input.window),
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::Memory;
+    use nbp_env::{EncoderInput, ObstacleMap, PredictError, Prediction, Scene, SimConfig, ValueMap};
+
+    /// Finds every pose equally good.
+    struct Flat;
+
+    impl Predictor for Flat {
+        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+            let answer = |input: &EncoderInput| {
+                let (pixels, size) = (input.size(), input.size() / 4);
+                Prediction {
+                    value: ValueMap { size, gain: vec![0.0; 8 * size * size] },
+                    obstacle: ObstacleMap { size: pixels, probability: vec![0.0; pixels * pixels] },
+                }
+            };
+            Ok(inputs.iter().map(answer).collect())
+        }
+    }
+
+    fn collect(threads: usize) -> Vec<Trajectory> {
+        let mut sim = SimConfig::default();
+        sim.encode.window.pixels = 64;
+        let world = Arc::new(World::new(Scene::two_rooms(), &sim).unwrap());
+        let config = CollectConfig { steps: 30, enough: 1.0, ..CollectConfig::default() };
+        let predictor: Arc<dyn Predictor> = Arc::new(Flat);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| trajectories(&[world], &predictor, &config, 3, SeedTree::new(4), |_| ()).unwrap())
+    }
+
+    #[test]
+    fn every_step_but_the_last_becomes_a_sample_whatever_the_thread_count() {
+        let (one, two) = (collect(1), collect(2));
+        for (a, b) in one.iter().zip(&two) {
+            assert_eq!(a.samples, b.samples);
+            assert_eq!((a.steps, a.samples.len()), (30, 30));
+            assert!(a.samples.iter().enumerate().all(|(t, sample)| sample.step == t));
+        }
+        assert_ne!(one[0].samples, one[1].samples);
+    }
+
+    #[test]
+    fn labels_tell_the_true_gain() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut memory = Memory::open(&folder.path().join("memory.bin")).unwrap();
+        let trajectory = &collect(1)[0];
+        memory.append(0, &trajectory.samples).unwrap();
+        let samples: Vec<Sample> = (0..memory.len()).map(|n| memory.get(n).unwrap()).collect();
+        assert!(samples.iter().all(|s| !s.labels.is_empty() && s.labels.iter().all(|l| l.gain >= 0.0)));
+        // Gains of single steps add up to what the trajectory covered after its first frame.
+        let single: f32 = samples.iter().map(|s| s.labels[0].gain).sum();
+        let start = samples[0].labels[0].gain;
+        assert!(single <= 100.0 * trajectory.coverage + 1e-3 && single > start);
+        assert!(samples[0].obstacles.iter().any(|&o| o == 1));
+    }
+}

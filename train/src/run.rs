@@ -1,0 +1,276 @@
+//! Algorithm 1 (paper, section 4.3): the loop, and what it stands on.
+
+use crate::checkpoint::{self, Progress};
+use crate::config::Config;
+use crate::log::Log;
+use crate::memory::Memory;
+use crate::plateau::Verdict;
+use crate::step::Learner;
+use crate::{collect, curriculum, interrupt, report, validate};
+use anyhow::{Context as _, Result};
+use nbp_env::{Predictor, SeedTree, World};
+use nbp_infer::checkpoint::{Settings, remember};
+use nbp_model::{CheckpointConfig, LossValues, NetPredictor};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Everything a run works with.
+pub struct Session {
+    /// The resolved configuration.
+    pub config: Config,
+    /// The run's folder.
+    pub folder: PathBuf,
+    /// Training scenes.
+    pub worlds: Vec<Arc<World>>,
+    /// Replay memory.
+    pub memory: Memory,
+    /// Samples kept out for validation.
+    pub held_out: Memory,
+    /// Network and optimiser.
+    pub learner: Learner,
+    /// Where in the loop the run stands.
+    pub progress: Progress,
+    /// What its checkpoints tell of themselves.
+    pub describe: CheckpointConfig,
+    /// What it tells.
+    pub log: Log,
+    /// When this process began, and the last checkpoint was saved.
+    pub clock: Clock,
+}
+
+/// Wall time of this process.
+pub struct Clock {
+    begun: Instant,
+    before: f64,
+    saved: Instant,
+}
+
+impl Clock {
+    /// Starts after `before` seconds of earlier work.
+    pub fn start(before: f64) -> Self {
+        Self { begun: Instant::now(), before, saved: Instant::now() }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.before + self.begun.elapsed().as_secs_f64()
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All iterations are done.
+    Complete,
+    /// Saved on request, to be resumed.
+    Interrupted,
+}
+
+impl Session {
+    /// Runs to the end, or until interrupted. Every stage can be resumed at the step at which it was saved.
+    ///
+    /// # Errors
+    /// When a disk refuses or numbers stop being finite; the last checkpoint stays.
+    pub fn run(&mut self) -> Result<Outcome> {
+        let seeds = SeedTree::new(self.config.seed);
+        let train = self.config.train.clone();
+        while self.progress.iteration < train.iterations && !self.progress.done {
+            let iteration = self.progress.iteration;
+            if !self.progress.collected {
+                self.collect(iteration, seeds.child("collect", iteration as u64))?;
+            }
+            let set = curriculum::balanced(&self.memory, iteration, seeds.child("replay", iteration as u64));
+            while self.progress.epoch < train.epochs && !set.is_empty() {
+                let epoch = self.progress.epoch;
+                let shuffle = seeds.child("shuffle", iteration as u64).child("epoch", epoch as u64);
+                if self.epoch(&curriculum::shuffled(&set, shuffle))? == Outcome::Interrupted {
+                    self.save()?;
+                    return Ok(Outcome::Interrupted);
+                }
+                let verdict = self.validate()?;
+                (self.progress.epoch, self.progress.step_of_epoch) = (epoch + 1, 0);
+                self.save()?;
+                if verdict == Verdict::Better {
+                    checkpoint::save(&self.best(), &self.learner, &self.progress, &self.describe)?;
+                }
+                if verdict == Verdict::Stop {
+                    tracing::info!("no better validation loss for {} epochs: stopping early", train.early_stop);
+                    self.progress.done = true;
+                    break;
+                }
+            }
+            (self.progress.iteration, self.progress.epoch, self.progress.collected) = (iteration + 1, 0, false);
+            self.progress.done |= self.progress.iteration == train.iterations;
+            self.save()?;
+        }
+        Ok(Outcome::Complete)
+    }
+
+    /// Walks through every scene with the current model and remembers what was admitted.
+    fn collect(&mut self, iteration: usize, seed: SeedTree) -> Result<()> {
+        let config = &self.config.collect;
+        let count = if iteration == 0 { config.first_trajectories } else { config.trajectories };
+        let predictor: Arc<dyn Predictor> = Arc::new(self.predictor());
+        let bar = self.log.bars.start(&format!("iteration {}: collect", iteration + 1), count * self.worlds.len());
+        let begun = Instant::now();
+        let trajectories = collect::trajectories(&self.worlds, &predictor, config, count, seed, |t| {
+            bar.advance(format!("{} covered {:.1} %", t.scene, 100.0 * t.coverage));
+        })?;
+        bar.finish();
+        report::log_trajectories(&mut self.log, &trajectories, &self.worlds, self.progress.steps, begun.elapsed());
+        let fresh = trajectories.into_iter().flat_map(|t| t.samples).collect();
+        let mut fresh = curriculum::admit(fresh, iteration, &self.config.curriculum);
+        if self.held_out.is_empty() {
+            let share = (self.config.train.validation_share * fresh.len() as f32) as usize;
+            let (keep, out) = hold_out(fresh, self.config.train.validation.min(share));
+            self.held_out.append(iteration, &out)?;
+            fresh = keep;
+        }
+        self.memory.append(iteration, &fresh)?;
+        self.progress.collected = true;
+        self.save()
+    }
+
+    /// One pass over the set in the given order, from where the last checkpoint of this epoch left it.
+    fn epoch(&mut self, order: &[usize]) -> Result<Outcome> {
+        let (batch, accumulate) = (self.config.train.batch, self.config.train.accumulate);
+        let groups: Vec<&[usize]> = order.chunks(batch * accumulate).collect();
+        let name = format!("iteration {}: epoch {}/{}", self.progress.iteration + 1, self.progress.epoch + 1, self.config.train.epochs);
+        let bar = self.log.bars.start(&name, groups.len());
+        bar.skip(self.progress.step_of_epoch);
+        for group in groups.iter().skip(self.progress.step_of_epoch) {
+            let begun = Instant::now();
+            let parts: Vec<&[usize]> = group.chunks(batch).collect();
+            let values = self.learner.step(&mut self.memory, &parts, self.progress.plateau.lr)?;
+            self.progress.step_of_epoch += 1;
+            self.progress.steps = self.learner.steps;
+            self.log_step(&values, group.len() as f64 / begun.elapsed().as_secs_f64());
+            bar.advance(format!("value {:.3}, obstacle {:.3}", values.mse, values.bce));
+            if interrupt::asked() {
+                return Ok(Outcome::Interrupted);
+            }
+            if self.clock.saved.elapsed() > Duration::from_secs_f64(60.0 * self.config.train.checkpoint_minutes) {
+                self.save()?;
+            }
+        }
+        bar.finish();
+        Ok(Outcome::Complete)
+    }
+
+    /// Loss on what was kept out, the schedule's verdict on it, and pictures.
+    fn validate(&mut self) -> Result<Verdict> {
+        let validation = validate::run(&self.learner, &mut self.held_out, self.config.train.batch)?;
+        let train = &self.config.train;
+        let verdict = match validation {
+            // Without validation samples the last weights are the best there are.
+            None => Verdict::Better,
+            Some(loss) => {
+                let (factor, patience) = (train.plateau_factor, train.plateau_patience);
+                self.progress.plateau.observe(loss.total(), factor, patience, train.early_stop)
+            }
+        };
+        if let Some(loss) = validation {
+            self.progress.validation = Some(loss);
+            let values = [("validation/value_mse", loss.mse), ("validation/obstacle_bce", loss.bce)];
+            self.log.scalars(self.progress.steps, &values.map(|(name, value)| (name.to_string(), value)));
+            tracing::info!(
+                "iteration {}, epoch {}: validation value {:.3}, obstacle {:.4}{}",
+                self.progress.iteration + 1,
+                self.progress.epoch + 1,
+                loss.mse,
+                loss.bce,
+                if verdict == Verdict::Better { " (best so far)" } else { "" }
+            );
+            let sample = self.held_out.get(0)?;
+            if let Some(world) = self.worlds.first() {
+                let (predictor, lattice) = (self.predictor(), world.scene().lattice());
+                report::log_sample(&mut self.log, &predictor, &sample, lattice, self.progress.steps)?;
+            }
+        }
+        self.log.flush();
+        Ok(verdict)
+    }
+
+    fn log_step(&mut self, values: &LossValues, samples_per_second: f64) {
+        let scalars = [
+            ("train/total", f64::from(values.total)),
+            ("train/value_mse", f64::from(values.mse)),
+            ("train/obstacle_bce", f64::from(values.bce)),
+            ("train/sigma_value", f64::from(values.sigma[0])),
+            ("train/sigma_obstacle", f64::from(values.sigma[1])),
+            ("train/learning_rate", self.progress.plateau.lr),
+            ("speed/samples_per_second", samples_per_second),
+        ];
+        self.log.scalars(self.progress.steps, &scalars.map(|(name, value)| (name.to_string(), value)));
+    }
+
+    /// The current network, for inference.
+    pub fn predictor(&self) -> NetPredictor {
+        NetPredictor::new(&self.learner.net, &self.describe)
+    }
+
+    /// Folder of the best checkpoint.
+    pub fn best(&self) -> PathBuf {
+        best_checkpoint(&self.folder)
+    }
+
+    fn save(&mut self) -> Result<()> {
+        self.memory.sync()?;
+        self.held_out.sync()?;
+        self.progress.memory = self.memory.len();
+        self.progress.held_out = self.held_out.len();
+        self.progress.seconds = self.clock.seconds();
+        let folder = last_checkpoint(&self.folder);
+        checkpoint::save(&folder, &self.learner, &self.progress, &self.describe)
+            .with_context(|| format!("the checkpoint before this one is still in {}", folder.display()))?;
+        self.clock.saved = Instant::now();
+        Ok(())
+    }
+}
+
+/// Folder of the checkpoint that a run resumes from.
+pub fn last_checkpoint(run: &Path) -> PathBuf {
+    run.join("checkpoints/last")
+}
+
+/// Folder of the checkpoint with the best validation loss.
+pub fn best_checkpoint(run: &Path) -> PathBuf {
+    run.join("checkpoints/best")
+}
+
+/// What a checkpoint tells those who load it: the network's shape, and how its inputs and plans are made.
+///
+/// # Errors
+/// When a setting has no JSON form.
+pub fn describe(config: &Config) -> Result<CheckpointConfig, serde_json::Error> {
+    let mut describe = CheckpointConfig::new(config.net_config(), config.sim.encode.window);
+    let settings = Settings { sim: config.sim.clone(), policy: config.policy };
+    remember(&mut describe, &settings)?;
+    Ok(describe)
+}
+
+/// Takes `count` out of a list at a regular stride: `(rest, taken)`.
+fn hold_out<T>(all: Vec<T>, count: usize) -> (Vec<T>, Vec<T>) {
+    if count == 0 {
+        return (all, Vec::new());
+    }
+    let stride = all.len() / count;
+    let (mut rest, mut taken) = (Vec::new(), Vec::new());
+    for (index, item) in all.into_iter().enumerate() {
+        if index % stride == 0 && taken.len() < count { taken.push(item) } else { rest.push(item) }
+    }
+    (rest, taken)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validation_samples_are_taken_at_a_regular_stride() {
+        let (rest, taken) = hold_out((0..103).collect(), 10);
+        assert_eq!((rest.len(), taken.len()), (93, 10));
+        assert_eq!(taken, (0..10).map(|n| n * 10).collect::<Vec<_>>());
+        assert_eq!(hold_out(vec![1, 2, 3], 0), (vec![1, 2, 3], vec![]));
+    }
+}

@@ -1,0 +1,41 @@
+//! Maps to train on: generated from a seed, or read from disk.
+
+use crate::config::SceneSet;
+use crate::log::Bars;
+use anyhow::{Context as _, Result, anyhow};
+use nbp_dataset::generate::{Level, generate};
+use nbp_env::parallel::try_map;
+use nbp_env::{Scene, SimConfig, World};
+use nbp_infer::source;
+use std::sync::Arc;
+
+/// Makes the worlds of a set, in its order.
+///
+/// # Errors
+/// When a map cannot be generated or read, or has no free pose.
+pub fn load(set: &SceneSet, sim: &SimConfig, what: &str, bars: Bars) -> Result<Vec<Arc<World>>> {
+    let scenes = if set.paths.is_empty() { generated(set, what, bars)? } else { read(set)? };
+    scenes.into_iter().map(|scene| Ok(Arc::new(World::new(scene, sim)?))).collect()
+}
+
+fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
+    let level: Level = set.level.parse().map_err(|reason: String| anyhow!("{what}: {reason}"))?;
+    let seeds: Vec<u64> = (0..set.count as u64).map(|n| set.seed + n).collect();
+    let bar = bars.start(what, seeds.len());
+    let scenes = try_map(&seeds, |&seed| -> Result<Scene> {
+        let map = generate(level, seed).with_context(|| format!("generating the {} map of seed {seed}", level.name()))?;
+        bar.advance(map.scene.name.clone());
+        Ok(nbp_dataset::to_scene(map.scene)?)
+    })?;
+    bar.finish();
+    Ok(scenes)
+}
+
+fn read(set: &SceneSet) -> Result<Vec<Scene>> {
+    let paths: Vec<String> = set.paths.iter().map(|path| path.display().to_string()).collect();
+    let mut scenes = source::load_all(&paths, |_| ())?;
+    if set.count > 0 {
+        scenes.truncate(set.count);
+    }
+    Ok(scenes)
+}

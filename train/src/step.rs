@@ -1,0 +1,107 @@
+//! One step of the optimiser: forward, loss, backward, and a refusal to move on numbers that are not finite.
+
+use crate::memory::{Memory, MemoryError};
+use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
+use burn::tensor::Device;
+use nbp_env::label::Sample;
+use nbp_model::{Batch, LossValues, NetConfig, Nbp, SampleRef, TensorizeError, ValueLabel, loss};
+
+/// Why a step was not made.
+#[derive(Debug, thiserror::Error)]
+pub enum StepError {
+    /// Samples cannot be read.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// Samples do not fit the network.
+    #[error(transparent)]
+    Tensorize(#[from] TensorizeError),
+    /// The loss is NaN or infinite; the weights are as they were.
+    #[error(
+        "the {tensor} is {value} at step {step}: the weights were left as they are. Lower optim.lr or resume from \
+         checkpoints/best; `--set net.input_scale=log1p` tames large counts"
+    )]
+    NonFinite {
+        /// Which term.
+        tensor: &'static str,
+        /// NaN or ±inf.
+        value: f32,
+        /// Steps of the optimiser before it.
+        step: usize,
+    },
+}
+
+/// The network in training.
+pub struct Learner {
+    /// Weights, on an autodiff device.
+    pub net: Nbp,
+    /// Moments.
+    pub optim: ModuleOptimizer,
+    /// Shape of the network.
+    pub config: NetConfig,
+    /// Where it lives, with autodiff.
+    pub device: Device,
+    /// Steps made so far.
+    pub steps: usize,
+}
+
+impl Learner {
+    /// One step on the mean loss of `parts`, each a forward pass of its own.
+    ///
+    /// # Errors
+    /// When samples cannot be read or the loss is not finite; the weights do not move then.
+    pub fn step(&mut self, memory: &mut Memory, parts: &[&[usize]], lr: f64) -> Result<LossValues, StepError> {
+        let mut accumulator = GradientsAccumulator::new();
+        let mut mean = LossValues { total: 0.0, mse: 0.0, bce: 0.0, sigma: [0.0; 2] };
+        let share = 1.0 / parts.len().max(1) as f32;
+        for &part in parts {
+            let batch = load(memory, part, &self.config, &self.device)?;
+            let output = self.net.forward(batch.x_bchw.clone());
+            let losses = loss(&self.net, output, &batch.targets);
+            let values = losses.values();
+            self.refuse_non_finite(&values)?;
+            let gradients = losses.total.mul_scalar(share).backward();
+            accumulator.accumulate(&self.net, GradientsParams::from_grads(gradients, &self.net));
+            mean.total += share * values.total;
+            mean.mse += share * values.mse;
+            mean.bce += share * values.bce;
+            mean.sigma = values.sigma;
+        }
+        self.net = self.optim.step(lr, self.net.clone(), accumulator.grads());
+        self.steps += 1;
+        Ok(mean)
+    }
+
+    fn refuse_non_finite(&self, values: &LossValues) -> Result<(), StepError> {
+        let [value_sigma, obstacle_sigma] = values.sigma;
+        let terms = [
+            ("value loss (masked MSE)", values.mse),
+            ("obstacle loss (BCE)", values.bce),
+            ("weight σ of the value loss", value_sigma),
+            ("weight σ of the obstacle loss", obstacle_sigma),
+            ("total loss", values.total),
+        ];
+        match terms.into_iter().find(|(_, value)| !value.is_finite()) {
+            Some((tensor, value)) => Err(StepError::NonFinite { tensor, value, step: self.steps }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads samples into one batch.
+///
+/// # Errors
+/// When they cannot be read or do not fit the network.
+pub fn load(memory: &mut Memory, indices: &[usize], config: &NetConfig, device: &Device) -> Result<Batch, StepError> {
+    let samples: Vec<Sample> = indices.iter().map(|&index| memory.get(index)).collect::<Result<_, _>>()?;
+    let labels: Vec<Vec<ValueLabel>> = samples.iter().map(|sample| sample.labels.iter().map(to_cell).collect()).collect();
+    let parts: Vec<SampleRef<'_>> = samples
+        .iter()
+        .zip(&labels)
+        .map(|(sample, labels)| SampleRef { input: &sample.input, labels, obstacle: &sample.obstacles })
+        .collect();
+    Ok(Batch::new(&parts, config, device)?)
+}
+
+fn to_cell(label: &nbp_env::label::ValueLabel) -> ValueLabel {
+    ValueLabel { heading: label.heading.index(), row: label.row, col: label.col, gain: label.gain }
+}
