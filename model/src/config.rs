@@ -18,9 +18,14 @@ pub enum InputScale {
 impl InputScale {
     /// The scaled count.
     pub fn apply(self, count: u16) -> f32 {
+        self.scale(f32::from(count))
+    }
+
+    /// The same for any number.
+    pub fn scale(self, number: f32) -> f32 {
         match self {
-            Self::Raw => f32::from(count),
-            Self::Log1p => f32::from(count).ln_1p(),
+            Self::Raw => number,
+            Self::Log1p => number.ln_1p(),
         }
     }
 }

@@ -4,6 +4,7 @@
 
 pub mod config;
 pub mod device;
+pub mod fast;
 pub mod loss;
 pub mod net;
 pub mod optim;

@@ -5,6 +5,7 @@ use crate::net::Nbp;
 use crate::tensorize;
 use crate::weights::{self, WeightsError};
 use burn::prelude::*;
+use burn::tensor::TensorData;
 use burn::tensor::activation::sigmoid;
 use nbp_env::predict::{EncoderInput, ObstacleMap, PredictError, Prediction, Predictor, ValueMap};
 use nbp_env::window::VALUE_STRIDE;
@@ -67,8 +68,53 @@ impl NetPredictor {
     }
 
     fn predict_chunk(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
-        let backend = |error: &dyn std::fmt::Display| PredictError::Backend(error.to_string());
-        let x_bchw = tensorize::inputs(inputs, &self.config.net, &self.device).map_err(|e| backend(&e))?;
+        let x_bchw = tensorize::inputs(inputs, &self.config.net, &self.device).map_err(|error| backend(&error))?;
+        let maps = self.maps(x_bchw)?;
+        let side = self.config.window.pixels;
+        let size = side / VALUE_STRIDE;
+        let values = maps.value.chunks_exact(self.config.net.headings * size * size);
+        let obstacles = maps.obstacle.chunks_exact(side * side);
+        Ok(values
+            .zip(obstacles)
+            .map(|(gain, probability)| Prediction {
+                value: ValueMap { size, gain: gain.to_vec() },
+                obstacle: ObstacleMap { size: side, probability: probability.to_vec() },
+            })
+            .collect())
+    }
+
+    /// Answers to inputs of any numbers and any side, for comparison with other frameworks. `counts` are what an
+    /// [`EncoderInput`] holds, before the network's own scale.
+    ///
+    /// # Shapes
+    /// `[n, in, S, S]`, row-major, S a multiple of 16.
+    ///
+    /// # Errors
+    /// When the shape does not fit the network, or an answer is not finite.
+    pub fn answer(&self, counts: &[f32], shape: [usize; 4]) -> Result<Maps, PredictError> {
+        let [n, channels, rows, cols] = shape;
+        let pairs = [
+            ("number of channels", channels, self.config.net.in_channels),
+            ("number of columns", cols, rows),
+            ("side", rows, rows.next_multiple_of(16).max(16)),
+            ("number of numbers", counts.len(), n * channels * rows * cols),
+        ];
+        if let Some((what, found, wanted)) = pairs.into_iter().find(|(_, found, wanted)| found != wanted) {
+            return Err(PredictError::Shape { what, found, wanted });
+        }
+        let mut all = Maps { value: Vec::new(), obstacle: Vec::new() };
+        let sample = channels * rows * cols;
+        for chunk in counts.chunks(self.chunk * sample) {
+            let numbers: Vec<f32> = chunk.iter().map(|&count| self.config.net.input_scale.scale(count)).collect();
+            let data = TensorData::new(numbers, [chunk.len() / sample, channels, rows, cols]);
+            let maps = self.maps(Tensor::from_data(data, &self.device))?;
+            all.value.extend(maps.value);
+            all.obstacle.extend(maps.obstacle);
+        }
+        Ok(all)
+    }
+
+    fn maps(&self, x_bchw: Tensor<4>) -> Result<Maps, PredictError> {
         let output = self.net.forward(x_bchw);
         let read = |tensor: Tensor<4>, name| {
             let numbers: Vec<f32> = tensor.into_data().convert::<f32>().try_to_vec().map_err(|e| backend(&e))?;
@@ -79,20 +125,21 @@ impl NetPredictor {
             }
         };
         let value = read(output.value_bkhw, "value")?;
-        let obstacle = read(sigmoid(output.obstacle_b1hw), "obstacle")?;
-
-        let side = self.config.window.pixels;
-        let size = side / VALUE_STRIDE;
-        let values = value.chunks_exact(self.config.net.headings * size * size);
-        let obstacles = obstacle.chunks_exact(side * side);
-        Ok(values
-            .zip(obstacles)
-            .map(|(gain, probability)| Prediction {
-                value: ValueMap { size, gain: gain.to_vec() },
-                obstacle: ObstacleMap { size: side, probability: probability.to_vec() },
-            })
-            .collect())
+        Ok(Maps { value, obstacle: read(sigmoid(output.obstacle_b1hw), "obstacle")? })
     }
+}
+
+/// The network's answer to a batch as plain numbers, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Maps {
+    /// `[n, k, S/4, S/4]`, percent points of coverage.
+    pub value: Vec<f32>,
+    /// `[n, 1, S, S]`, probabilities.
+    pub obstacle: Vec<f32>,
+}
+
+fn backend(error: &dyn std::fmt::Display) -> PredictError {
+    PredictError::Backend(error.to_string())
 }
 
 impl Predictor for NetPredictor {
@@ -140,6 +187,22 @@ mod tests {
         }
         assert_ne!(together[0].value, together[1].value);
         assert!(predictor().predict(&[]).unwrap().is_empty());
+    }
+
+    #[test]
+    fn plain_numbers_get_the_same_answer() {
+        let inputs: Vec<_> = (0..3).map(|seed| input(32, 5, seed)).collect();
+        let counts: Vec<f32> =
+            inputs.iter().flat_map(|input| input.counts.iter().map(|&count| f32::from(count))).collect();
+        let maps = predictor().with_chunk(2).answer(&counts, [3, 5, 32, 32]).unwrap();
+        let predictions = predictor().with_chunk(2).predict(&inputs).unwrap();
+        assert_eq!(maps.value, predictions.iter().flat_map(|p| p.value.gain.clone()).collect::<Vec<_>>());
+        assert_eq!(maps.obstacle, predictions.iter().flat_map(|p| p.obstacle.probability.clone()).collect::<Vec<_>>());
+        let fails = |shape| predictor().answer(&counts, shape).unwrap_err().to_string();
+        assert!(fails([3, 4, 40, 32]).contains("channels is 4"));
+        assert!(fails([3, 5, 24, 24]).contains("side is 24"));
+        assert!(fails([3, 5, 32, 16]).contains("columns is 16"));
+        assert!(fails([4, 5, 32, 32]).contains("numbers"));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! is the only difference, and it matters where a batch has few pixels for each channel.
 
 use super::init::Init;
+use crate::fast;
 use burn::module::{Param, RunningState};
 use burn::prelude::*;
 use burn::tensor::activation::relu;
@@ -44,19 +45,33 @@ impl Norm {
     /// # Shapes
     /// `[b, c, h, w]` → `[b, c, h, w]`.
     pub fn forward(&self, x_bchw: Tensor<4>) -> Tensor<4> {
-        if !x_bchw.device().is_autodiff() {
-            let (mean, var) = (self.running_mean.value(), self.running_var.value());
-            return batch_norm(x_bchw, self.weight.val(), self.bias.val(), mean, var, EPSILON);
-        }
-        let [b, _, h, w] = x_bchw.dims();
-        let result = batch_norm_train(x_bchw, self.weight.val(), self.bias.val(), EPSILON);
-        self.observe(result.mean.detach(), result.variance.detach(), b * h * w);
-        result.output
+        self.apply(x_bchw, false)
     }
 
     /// [`Self::forward`], then ReLU.
     pub fn forward_relu(&self, x_bchw: Tensor<4>) -> Tensor<4> {
-        relu(self.forward(x_bchw))
+        self.apply(x_bchw, true)
+    }
+
+    fn apply(&self, x_bchw: Tensor<4>, with_relu: bool) -> Tensor<4> {
+        let (weight, bias) = (self.weight.val(), self.bias.val());
+        let rectify = |y_bchw| if with_relu { relu(y_bchw) } else { y_bchw };
+        if !x_bchw.device().is_autodiff() {
+            let (mean, var) = (self.running_mean.value(), self.running_var.value());
+            let channels = [weight.clone(), bias.clone(), mean.clone(), var.clone()];
+            return fast::norm(&x_bchw, channels, EPSILON, with_relu)
+                .unwrap_or_else(|| rectify(batch_norm(x_bchw, weight, bias, mean, var, EPSILON)));
+        }
+        let [b, _, h, w] = x_bchw.dims();
+        let (y_bchw, mean, var) = match fast::norm_train(&x_bchw, &weight, &bias, EPSILON, with_relu) {
+            Some(normed) => (normed.y_bchw, normed.mean, normed.var),
+            None => {
+                let result = batch_norm_train(x_bchw, weight, bias, EPSILON);
+                (rectify(result.output), result.mean, result.variance)
+            }
+        };
+        self.observe(mean.detach(), var.detach(), b * h * w);
+        y_bchw
     }
 
     /// Moves the running statistics towards those of a batch; `var` is biased, over `count` numbers.

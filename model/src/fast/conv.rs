@@ -1,0 +1,157 @@
+//! A same-size convolution, forwards and backwards, on plain arrays.
+
+use super::buffer::Padded;
+use super::kernel::{Products, Rows, is_wide};
+use pulp::Arch;
+use rayon::prelude::*;
+
+/// Sizes of a convolution with stride 1 and zero padding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Geometry {
+    pub(super) batch: usize,
+    pub(super) cin: usize,
+    pub(super) cout: usize,
+    pub(super) height: usize,
+    pub(super) width: usize,
+    /// 1 or 3.
+    pub(super) kernel: usize,
+}
+
+/// Gradients of a convolution.
+#[derive(Debug)]
+pub(super) struct Gradients {
+    /// As the input, if it was asked for.
+    pub(super) x: Option<Vec<f32>>,
+    /// As the weights.
+    pub(super) weight: Vec<f32>,
+    /// As the bias.
+    pub(super) bias: Vec<f32>,
+}
+
+impl Geometry {
+    fn area(&self) -> usize {
+        self.height * self.width
+    }
+
+    fn pad(&self, planes: &[f32]) -> Padded {
+        Padded::new(planes, self.height, self.width, self.kernel / 2)
+    }
+}
+
+/// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
+pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+    let taps = size.kernel * size.kernel;
+    rows(size, &size.pad(x), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
+}
+
+/// Gradients of [`forward`] for the gradient `g` of its answer.
+pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
+    let taps = size.kernel * size.kernel;
+    let padded_g = size.pad(g);
+    let x_gradient = want_x.then(|| {
+        // A convolution with the kernel turned by 180° and inputs and outputs exchanged.
+        let turned = Geometry { cin: size.cout, cout: size.cin, ..size };
+        let at = |o: usize, i: usize, t: usize| weight[(i * size.cin + o) * taps + taps - 1 - t];
+        rows(turned, &padded_g, at, &vec![0.0; size.cin])
+    });
+    let weight = products(size, &size.pad(x), &padded_g);
+    Gradients { x: x_gradient, weight, bias: plane_sums(size, g) }
+}
+
+/// The convolution of padded planes; `weight(output, input, tap)`.
+fn rows(size: Geometry, x: &Padded, weight: impl Fn(usize, usize, usize) -> f32, bias: &[f32]) -> Vec<f32> {
+    if is_wide() { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
+}
+
+fn rows_by<const CO: usize>(
+    size: Geometry,
+    x: &Padded,
+    weight: impl Fn(usize, usize, usize) -> f32,
+    bias: &[f32],
+) -> Vec<f32> {
+    let (arch, area, kernel) = (Arch::new(), size.area(), size.kernel);
+    let taps: Vec<usize> = (0..kernel * kernel).map(|t| t / kernel * x.pitch + t % kernel).collect();
+    let blocks = size.cout.div_ceil(CO);
+    // Weights in the order in which the kernel reads them; a block that is not full gets zeros.
+    let packed: Vec<[f32; CO]> = (0..blocks * size.cin * taps.len())
+        .map(|at| {
+            let (block, input, tap) = (at / taps.len() / size.cin, at / taps.len() % size.cin, at % taps.len());
+            let one = |k: usize| if block * CO + k < size.cout { weight(block * CO + k, input, tap) } else { 0.0 };
+            std::array::from_fn(one)
+        })
+        .collect();
+    let mut out = vec![0.0; size.batch * size.cout * area];
+    let tasks: Vec<_> = out
+        .chunks_mut(size.cout * area)
+        .enumerate()
+        .flat_map(|(sample, out)| out.chunks_mut(CO * area).enumerate().map(move |(block, out)| (sample, block, out)))
+        .collect();
+    tasks.into_par_iter().for_each(|(sample, block, out)| {
+        arch.dispatch(Rows::<CO> {
+            x: &x.numbers[sample * size.cin * x.plane..],
+            plane: x.plane,
+            pitch: x.pitch,
+            taps: &taps,
+            weights: &packed[block * size.cin * taps.len()..(block + 1) * size.cin * taps.len()],
+            bias: std::array::from_fn(|k| bias.get(block * CO + k).copied().unwrap_or(0.0)),
+            height: size.height,
+            width: size.width,
+            out,
+        });
+    });
+    out
+}
+
+/// The weights' gradient, `[out, in, k, k]`.
+///
+/// Each task owns a few outputs and walks all samples in order, so there are no partial sums that depend on the threads.
+fn products(size: Geometry, x: &Padded, g: &Padded) -> Vec<f32> {
+    match (size.kernel, is_wide()) {
+        (1, true) => products_by::<4, 4, 1>(size, x, g),
+        (1, false) => products_by::<2, 4, 1>(size, x, g),
+        (_, true) => products_by::<4, 2, 3>(size, x, g),
+        (_, false) => products_by::<2, 2, 3>(size, x, g),
+    }
+}
+
+fn products_by<const CO: usize, const CI: usize, const TAPS: usize>(
+    size: Geometry,
+    x: &Padded,
+    g: &Padded,
+) -> Vec<f32> {
+    let arch = Arch::new();
+    let taps: Vec<[usize; TAPS]> = (0..size.kernel).map(|y| std::array::from_fn(|t| y * x.pitch + t)).collect();
+    let first_pixel = size.kernel / 2 * (g.pitch + 1);
+    let per_output = size.cin * size.kernel * size.kernel;
+    let mut out = vec![0.0; size.cout * per_output];
+    out.par_chunks_mut(CO * per_output).enumerate().for_each(|(block, out)| {
+        arch.dispatch(Products::<CO, CI, TAPS> {
+            g: &g.numbers[first_pixel..],
+            x: &x.numbers,
+            plane: x.plane,
+            end: (size.height - 1) * x.pitch + size.width,
+            batch: size.batch,
+            cin: size.cin,
+            cout: size.cout,
+            first: block * CO,
+            taps: &taps,
+            out,
+        });
+    });
+    out
+}
+
+/// Sums of each output plane over pixels and samples, in a fixed order.
+fn plane_sums(size: Geometry, g: &[f32]) -> Vec<f32> {
+    let area = size.area();
+    (0..size.cout)
+        .into_par_iter()
+        .map(|output| {
+            let planes = (0..size.batch).map(|sample| &g[(sample * size.cout + output) * area..][..area]);
+            planes.map(super::norm::sum).sum::<f64>() as f32
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

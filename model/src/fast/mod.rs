@@ -1,0 +1,83 @@
+//! Our own convolution and batch norm for the CPU back end, which decide how much a short training run can learn.
+//!
+//! Burn's `flex` runs both directions of a convolution's backward pass as generic convolutions over permuted copies, and
+//! batch norm as a chain of passes over memory. Here they are direct kernels (`conv`, `norm` over `kernel` and `buffer`),
+//! registered as operations of Burn (`ops`). Every other device takes Burn's own operators, as does `flex` after
+//! [`enable`]`(false)`. Results are the same bytes for any number of threads: each number is summed by one task in one
+//! order.
+
+mod buffer;
+mod conv;
+mod kernel;
+mod norm;
+mod ops;
+
+use burn::backend::Dispatch;
+use burn::prelude::*;
+use burn::tensor::DType;
+use ops::FastOps;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static ENABLED: AtomicBool = AtomicBool::new(true);
+
+/// Turns the kernels on (as they are at first) or off for the whole program, to compare them with Burn's operators.
+pub fn enable(on: bool) {
+    ENABLED.store(on, Ordering::Relaxed);
+}
+
+/// Whether the kernels can take this tensor.
+fn takes<const D: usize>(x: &Tensor<D>) -> bool {
+    // Devices are equal whether they record a tape or not.
+    ENABLED.load(Ordering::Relaxed) && x.dtype() == DType::F32 && x.device() == Device::flex()
+}
+
+/// Same-size convolution, `None` if Burn has to do it.
+///
+/// # Shapes
+/// `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]`.
+pub(crate) fn conv(x_bchw: &Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>) -> Option<Tensor<4>> {
+    let [_, _, rows, cols] = weight.dims();
+    (takes(x_bchw) && rows == cols && (rows == 1 || rows == 3)).then(|| {
+        let (x, weight, bias) = (x_bchw.clone(), weight.clone(), bias.clone());
+        Tensor::from_dispatch(<Dispatch as FastOps>::fast_conv(
+            x.into_dispatch(),
+            weight.into_dispatch(),
+            bias.into_dispatch(),
+        ))
+    })
+}
+
+/// What [`norm_train`] found.
+pub(crate) struct Normed {
+    /// `[b, c, h, w]`.
+    pub(crate) y_bchw: Tensor<4>,
+    /// `[c]`.
+    pub(crate) mean: Tensor<1>,
+    /// `[c]`, biased.
+    pub(crate) var: Tensor<1>,
+}
+
+/// Batch norm with the batch's statistics, and ReLU if asked for; `None` if Burn has to do it.
+pub(crate) fn norm_train(
+    x_bchw: &Tensor<4>,
+    weight: &Tensor<1>,
+    bias: &Tensor<1>,
+    epsilon: f64,
+    relu: bool,
+) -> Option<Normed> {
+    takes(x_bchw).then(|| {
+        let (x, weight, bias) = (x_bchw.clone(), weight.clone(), bias.clone());
+        let (x, weight, bias) = (x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch());
+        let (y, mean, var) = <Dispatch as FastOps>::fast_norm_train(x, weight, bias, epsilon as f32, relu);
+        Normed { y_bchw: Tensor::from_dispatch(y), mean: Tensor::from_dispatch(mean), var: Tensor::from_dispatch(var) }
+    })
+}
+
+/// Batch norm with given `[mean, var]` behind `[weight, bias]`, and ReLU if asked for; `None` if Burn has to do it.
+pub(crate) fn norm(x_bchw: &Tensor<4>, channels: [Tensor<1>; 4], epsilon: f64, relu: bool) -> Option<Tensor<4>> {
+    takes(x_bchw).then(|| {
+        let [weight, bias, mean, var] = channels.map(Tensor::into_dispatch);
+        let x = x_bchw.clone().into_dispatch();
+        Tensor::from_dispatch(<Dispatch as FastOps>::fast_norm(x, weight, bias, mean, var, epsilon as f32, relu))
+    })
+}

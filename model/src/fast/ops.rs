@@ -1,0 +1,218 @@
+//! The kernels as operations of Burn, through its extension point for back ends.
+
+use super::conv::{self, Geometry};
+use super::norm::{self, Channels, Planes};
+use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, Backend, Flex, backend_extension};
+use burn::tensor::TensorData;
+
+type Flexed = FloatTensor<Flex>;
+
+/// What `fast` adds to Burn's CPU back end.
+#[backend_extension(Autodiff, Flex)]
+pub(super) trait FastOps: Backend {
+    /// Same-size convolution: `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]`.
+    fn fast_conv(x: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// Batch norm with the batch's statistics: `[b, c, h, w]`, `[c]`, `[c]` → the same, mean and biased variance.
+    fn fast_norm_train(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
+
+    /// Batch norm with given statistics; not differentiable.
+    fn fast_norm(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        mean: FloatTensor<Self>,
+        var: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
+    ) -> FloatTensor<Self>;
+}
+
+/// The numbers of a tensor in row-major order, copied only if they do not lie so.
+fn contiguous(tensor: Flexed) -> Flexed {
+    if tensor.as_slice::<f32>().is_some() { tensor } else { tensor.to_contiguous() }
+}
+
+/// The numbers of a [`contiguous`] tensor.
+fn numbers(tensor: &Flexed) -> &[f32] {
+    tensor.as_slice().unwrap_or_else(|| unreachable!("tensors are made contiguous f32 before they get here"))
+}
+
+fn tensor(numbers: Vec<f32>, shape: impl Into<Vec<usize>>) -> Flexed {
+    Flexed::from_data(TensorData::new(numbers, shape.into()))
+}
+
+fn dims<const D: usize>(tensor: &Flexed) -> [usize; D] {
+    let shape = tensor.layout().shape().as_slice();
+    std::array::from_fn(|axis| shape[axis])
+}
+
+fn geometry(x: &Flexed, weight: &Flexed) -> Geometry {
+    let [batch, cin, height, width] = dims(x);
+    let [cout, _, kernel, _] = dims(weight);
+    Geometry { batch, cin, cout, height, width, kernel }
+}
+
+fn planes(x: &Flexed) -> Planes {
+    let [batch, channels, height, width] = dims(x);
+    Planes { batch, channels, area: height * width }
+}
+
+impl FastOps for Flex {
+    fn fast_conv(x: Flexed, weight: Flexed, bias: Flexed) -> Flexed {
+        let (x, weight, bias) = (contiguous(x), contiguous(weight), contiguous(bias));
+        let size = geometry(&x, &weight);
+        let out = conv::forward(size, numbers(&x), numbers(&weight), numbers(&bias));
+        tensor(out, [size.batch, size.cout, size.height, size.width])
+    }
+
+    fn fast_norm_train(x: Flexed, weight: Flexed, bias: Flexed, epsilon: f32, relu: bool) -> (Flexed, Flexed, Flexed) {
+        let x = contiguous(x);
+        let (mean, var) = norm::statistics(planes(&x), numbers(&x));
+        let channels = dims::<2>(&x)[1];
+        let (mean, var) = (tensor(mean, [channels]), tensor(var, [channels]));
+        (Self::fast_norm(x, weight, bias, mean.clone(), var.clone(), epsilon, relu), mean, var)
+    }
+
+    fn fast_norm(
+        x: Flexed,
+        weight: Flexed,
+        bias: Flexed,
+        mean: Flexed,
+        var: Flexed,
+        epsilon: f32,
+        relu: bool,
+    ) -> Flexed {
+        let [x, weight, bias, mean, var] = [x, weight, bias, mean, var].map(contiguous);
+        let channels = Channels {
+            mean: numbers(&mean),
+            var: numbers(&var),
+            weight: numbers(&weight),
+            bias: numbers(&bias),
+            epsilon,
+            relu,
+        };
+        tensor(norm::forward(planes(&x), numbers(&x), channels), dims::<4>(&x))
+    }
+}
+
+impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
+    fn fast_conv(x: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self> {
+        let nodes = [x.node(), weight.node(), bias.node()];
+        let [x, weight, bias] = [x, weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
+        let out = Flex::fast_conv(x.clone(), weight.clone(), bias);
+        match ConvBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish((x, weight), out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn fast_norm_train(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let nodes = [x.node(), weight.node(), bias.node()];
+        let [x, weight, bias] = [x, weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
+        let (out, mean, var) = Flex::fast_norm_train(x.clone(), weight.clone(), bias.clone(), epsilon, relu);
+        let out = match NormBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => {
+                prep.finish(NormState { x, weight, bias, mean: mean.clone(), var: var.clone(), epsilon, relu }, out)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        };
+        (out, FloatTensor::<Self>::new(mean), FloatTensor::<Self>::new(var))
+    }
+
+    fn fast_norm(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        mean: FloatTensor<Self>,
+        var: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
+    ) -> FloatTensor<Self> {
+        let [x, weight, bias, mean, var] = [x, weight, bias, mean, var].map(|tensor| tensor.into_primitive());
+        FloatTensor::<Self>::new(Flex::fast_norm(x, weight, bias, mean, var, epsilon, relu))
+    }
+}
+
+#[derive(Debug)]
+struct ConvBackward;
+
+impl Backward<Flex, 3> for ConvBackward {
+    /// Input and weight.
+    type State = (Flexed, Flexed);
+
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let g = contiguous(grads.consume::<Flex>(&ops.node));
+        let (x, weight) = ops.state;
+        let [node_x, node_weight, node_bias] = ops.parents;
+        let size = geometry(&x, &weight);
+        let found = conv::backward(size, numbers(&x), numbers(&weight), numbers(&g), node_x.is_some());
+        if let (Some(node), Some(gradient)) = (node_x, found.x) {
+            grads.register::<Flex>(node.id, tensor(gradient, dims::<4>(&x)));
+        }
+        if let Some(node) = node_weight {
+            grads.register::<Flex>(node.id, tensor(found.weight, dims::<4>(&weight)));
+        }
+        if let Some(node) = node_bias {
+            grads.register::<Flex>(node.id, tensor(found.bias, [size.cout]));
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct NormState {
+    x: Flexed,
+    weight: Flexed,
+    bias: Flexed,
+    mean: Flexed,
+    var: Flexed,
+    epsilon: f32,
+    relu: bool,
+}
+
+#[derive(Debug)]
+struct NormBackward;
+
+impl Backward<Flex, 3> for NormBackward {
+    type State = NormState;
+
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let g = contiguous(grads.consume::<Flex>(&ops.node));
+        let NormState { x, weight, bias, mean, var, epsilon, relu } = ops.state;
+        let channels = Channels {
+            mean: numbers(&mean),
+            var: numbers(&var),
+            weight: numbers(&weight),
+            bias: numbers(&bias),
+            epsilon,
+            relu,
+        };
+        let found = norm::backward(planes(&x), numbers(&x), channels, numbers(&g));
+        let [node_x, node_weight, node_bias] = ops.parents;
+        if let Some(node) = node_x {
+            grads.register::<Flex>(node.id, tensor(found.x, dims::<4>(&x)));
+        }
+        if let Some(node) = node_weight {
+            grads.register::<Flex>(node.id, tensor(found.weight, dims::<1>(&weight)));
+        }
+        if let Some(node) = node_bias {
+            grads.register::<Flex>(node.id, tensor(found.bias, dims::<1>(&bias)));
+        }
+    }
+}
