@@ -3,11 +3,11 @@
 //! The trainer leaves two notes in the `meta` of a checkpoint's `config.json`: [`SIM`], the simulator, and [`POLICY`], how
 //! its maps become paths. Where one is missing the defaults hold, with the checkpoint's own window.
 
+use nbp_env::SimConfig;
 use nbp_env::encode::Trajectory;
 use nbp_env::policy::nbp::NbpConfig;
-use nbp_env::{Predictor, SimConfig};
 use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
-use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor};
+use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor, device_name};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -35,9 +35,11 @@ pub struct Settings {
 #[derive(Clone)]
 pub struct Loaded {
     /// The network.
-    pub predictor: Arc<dyn Predictor>,
+    pub predictor: Arc<NetPredictor>,
     /// Its description.
     pub config: CheckpointConfig,
+    /// Where it computes, for logs.
+    pub device: String,
 }
 
 /// A checkpoint that cannot be used.
@@ -131,9 +133,10 @@ pub fn read(path: &Path) -> Result<(CheckpointConfig, Settings), CheckpointError
 /// When it is not one, is damaged, or the device does not work.
 pub fn load(path: &Path, device: DeviceChoice) -> Result<Loaded, CheckpointError> {
     let dir = folder(path)?;
-    let predictor = NetPredictor::load(&dir, &device.resolve_for("infer")?)?;
-    let config = predictor.config().clone();
-    Ok(Loaded { predictor: Arc::new(predictor), config })
+    let device = device.resolve_for("infer")?;
+    let predictor = NetPredictor::load(&dir, &device)?;
+    let (config, device) = (predictor.config().clone(), device_name(&device));
+    Ok(Loaded { predictor: Arc::new(predictor), config, device })
 }
 
 /// Whether the simulator shows what the network was trained to see.

@@ -4,12 +4,17 @@
 //! trains, and nothing here knows a tensor: networks answer behind [`nbp_env::Predictor`].
 
 pub mod checkpoint;
+pub mod source;
 
 pub mod registry;
 pub mod rollout;
 
 pub mod eval;
+pub mod journal;
 
+pub mod export;
+pub mod picture;
+pub mod plot;
 pub mod table;
 
 pub use checkpoint::Settings;

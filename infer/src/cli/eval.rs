@@ -1,0 +1,100 @@
+//! `infer eval`: policies compared, resumable.
+
+use super::output::Output;
+use super::setup::{self, Setup};
+use super::talk::Talk;
+use super::usage;
+use anyhow::{Context, Result};
+use nbp_infer::journal::{Fingerprints, Journal};
+use nbp_infer::{EvalConfig, PolicyKind, checkpoint, eval, export, plot, source, table};
+use nbp_model::DeviceChoice;
+use nbp_model::weights::WEIGHTS_FILE;
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Options of `infer eval`.
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Scene folders, OBJ files, WADs, single maps as FILE.wad:MAP01, or folders of these
+    #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
+    scenes: Vec<String>,
+    /// Policies to compare: random, fbe, nbp, oracle-obstacles [default: random,fbe, and nbp with a checkpoint]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    policies: Vec<PolicyKind>,
+    /// Episodes from every start, each with its own seed
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seeds: usize,
+    /// Only the first so many starts of each scene
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
+    /// Folder for episodes.csv, summary.json, summary.md and coverage.svg; a second call goes on where the first stopped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    setup: setup::Args,
+}
+
+pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
+    let mut policies = args.policies.clone();
+    if policies.is_empty() {
+        policies = vec![PolicyKind::Random, PolicyKind::Fbe];
+        policies.extend(args.setup.checkpoint.as_ref().map(|_| PolicyKind::Nbp));
+    }
+    if args.seeds == 0 || args.starts == Some(0) {
+        usage("--seeds and --starts must be at least 1");
+    }
+    let out = Output::prepare(&args.out)?;
+    let Setup { settings, context } = args.setup.setup(&policies, device, talk)?;
+    let (steps, seeds, seed, starts_limit) = (args.setup.steps, args.seeds, args.setup.seed, args.starts);
+    let config = EvalConfig { policies, steps, seeds, seed, starts_limit };
+
+    let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
+    let scenes = source::load_all(&args.scenes, |total| bar.set(read.fetch_add(1, Ordering::Relaxed) + 1, total));
+    bar.finish();
+    let worlds = setup::worlds(scenes.context("cannot use the scenes")?, &settings)?;
+    let weights = match (&args.setup.checkpoint, &context.predictor) {
+        (Some(path), Some(_)) => Some(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?),
+        _ => None,
+    };
+    let fingerprints = Fingerprints::new(&worlds, &settings, &config, weights.as_deref());
+    drop(weights);
+    let folder = out.folder().display();
+    let (journal, done) =
+        Journal::open(out.folder(), fingerprints).with_context(|| format!("cannot use the journal in {folder}"))?;
+    if !done.is_empty() {
+        talk.say(format!("taking over what it can of {} finished episodes in {folder}", done.len()));
+    }
+
+    let (bar, warned) = (talk.bar(1, "episodes"), AtomicBool::new(false));
+    let episodes = eval::run(&worlds, &context, &config, &done, |record, progress| {
+        // A full disk must not end hours of work: the results may still find a place at the end.
+        if let Err(error) = journal.append(record) {
+            if !warned.swap(true, Ordering::Relaxed) {
+                eprintln!("warning: cannot write the journal in {folder}: {error}; going on without it");
+            }
+        }
+        bar.set(progress.finished, progress.total);
+    });
+    bar.finish();
+    let episodes = episodes?;
+    let rows = table::summarise(&episodes);
+    // First to the terminal: there it is safe whatever the disk says.
+    print!("{}", table::text(&rows));
+    out.write("episodes.csv", export::episodes_csv(&episodes))?;
+    out.write("summary.json", serde_json::to_string_pretty(&rows)? + "\n")?;
+    out.write("summary.md", table::markdown(&rows))?;
+    out.write("coverage.svg", plot::coverage(&title(worlds.len(), episodes.len()), &plot::series(&episodes)))?;
+    let about = json!({
+        "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": settings,
+    });
+    out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
+    journal.finish(&episodes).with_context(|| format!("cannot close the journal in {folder}"))?;
+    talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));
+    Ok(())
+}
+
+fn title(scenes: usize, episodes: usize) -> String {
+    let plural = |n: usize, one: &str| format!("{n} {one}{}", if n == 1 { "" } else { "s" });
+    format!("Coverage, mean of {} in {}", plural(episodes, "episode"), plural(scenes, "scene"))
+}

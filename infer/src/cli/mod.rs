@@ -1,0 +1,123 @@
+//! The command line: one file for each command, what they share in `setup`, `output` and `talk`.
+
+mod eval;
+mod import;
+mod output;
+mod overrides;
+mod predict;
+mod rollout;
+mod setup;
+mod talk;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use nbp_model::DeviceChoice;
+use std::process::ExitCode;
+use talk::Talk;
+
+const EXAMPLES: &str = "\
+Examples:
+  infer rollout --scene maps/normal/3001 --policy fbe --steps 200 --out out/fbe
+  infer rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/first/best --out out/map01
+  infer eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/first/best --out out/eval
+  infer import nbp_weights.pth --out checkpoints/released
+  infer predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
+
+Results go to standard output, talk goes to standard error. Exit codes: 0 done, 1 failed, 2 not understood.";
+
+/// Explore scenes with a policy, compare policies, and bring weights in.
+#[derive(Parser)]
+#[command(name = "infer", version, after_help = EXAMPLES)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every command.
+#[derive(clap::Args)]
+struct Common {
+    /// Where the network computes: auto, flex, ndarray, wgpu or cuda
+    #[arg(long, global = true, default_value_t = DeviceChoice::Auto, value_name = "DEVICE")]
+    device: DeviceChoice,
+    /// Threads to use; 0 for one a core. Results do not depend on it
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true)]
+    verbose: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Let a policy explore one scene, and draw what it did
+    Rollout(rollout::Args),
+    /// Compare policies over scenes and starts
+    Eval(eval::Args),
+    /// Run the network on tensors, for comparison with other frameworks
+    Predict(predict::Args),
+    /// Turn PyTorch weights of the released code into a checkpoint
+    Import(import::Args),
+}
+
+/// Runs the program.
+pub(crate) fn main() -> ExitCode {
+    let Cli { common, command } = Cli::parse();
+    let talk = Talk::new(common.quiet, common.verbose);
+    let result = threads(common.threads).and_then(|()| match command {
+        Command::Rollout(args) => rollout::run(&args, common.device, talk),
+        Command::Eval(args) => eval::run(&args, common.device, talk),
+        Command::Predict(args) => predict::run(&args, common.device, talk),
+        Command::Import(args) => import::run(&args, talk),
+    });
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", told_once(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn threads(count: usize) -> anyhow::Result<()> {
+    if count > 0 {
+        rayon::ThreadPoolBuilder::new().num_threads(count).build_global()?;
+    }
+    Ok(())
+}
+
+/// Ends the program with exit code 2 and the usage of the command line.
+fn usage(message: &str) -> ! {
+    Cli::command().error(clap::error::ErrorKind::MissingRequiredArgument, message).exit()
+}
+
+/// An error and its causes in one line, without the causes that it already tells.
+fn told_once(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        _ if told.contains(&cause) => told,
+        _ => format!("{told}: {cause}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn causes_are_told_once() {
+        let inner = std::io::Error::other("the disk is full");
+        let error =
+            Err::<(), _>(inner).context("cannot write a.png: the disk is full").context("while drawing").unwrap_err();
+        assert_eq!(told_once(&error), "while drawing: cannot write a.png: the disk is full");
+    }
+}

@@ -1,0 +1,94 @@
+//! `infer rollout`: one episode, with everything worth looking at.
+
+use super::output::Output;
+use super::setup::{self, Setup};
+use super::talk::Talk;
+use anyhow::{Context, Result};
+use nbp_env::Policy;
+use nbp_infer::rollout::{Rollout, Trial, run_episode};
+use nbp_infer::{PolicyKind, export, picture, plot, registry, source};
+use nbp_model::DeviceChoice;
+use std::path::PathBuf;
+
+/// Options of `infer rollout`.
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// OBJ file, scene folder, WAD with one map, or one map of a WAD as FILE.wad:MAP01
+    #[arg(long, value_name = "PATH")]
+    scene: String,
+    /// random, fbe, nbp or oracle-obstacles
+    #[arg(long, default_value_t = PolicyKind::Nbp, value_name = "NAME")]
+    policy: PolicyKind,
+    /// Which of the scene's start poses, from 0
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    start: usize,
+    /// Folder for cloud.ply, trajectory.json, coverage.csv, coverage.svg and topdown.png
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Also draw what the network saw and answered whenever it planned, into OUT/plans
+    #[arg(long)]
+    plans: bool,
+    #[command(flatten)]
+    setup: setup::Args,
+}
+
+pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
+    let out = Output::prepare(&args.out)?;
+    let Setup { settings, context } = args.setup.setup(&[args.policy], device, talk)?;
+    let scene = source::load_one(&args.scene).context("cannot use the scene")?;
+    let world = setup::worlds(vec![scene], &settings)?.swap_remove(0);
+    let lattice = *world.scene().lattice();
+    talk.say(format!(
+        "scene {}: {} triangles, {} free poses",
+        world.scene().name(),
+        world.scene().mesh().triangles().len(),
+        world.scene().graph().largest_component().len()
+    ));
+
+    let mut policy = registry::build(args.policy, &context, &world)?;
+    let trial = Trial { start: args.start, seed: args.setup.seed, steps: args.setup.steps };
+    let bar = talk.bar(trial.steps, "steps");
+    let mut drawn = None;
+    let mut failure = Ok(());
+    let finished = run_episode(&world, policy.as_mut(), trial, |episode, policy: &dyn Policy| {
+        bar.set(episode.steps(), trial.steps);
+        let fresh = policy.plan().filter(|plan| args.plans && drawn != Some(plan.made_at));
+        if let Some(plan) = fresh {
+            drawn = Some(plan.made_at);
+            if let Some([seen, answered]) = picture::plan(plan, &world, settings.policy.obstacle_threshold) {
+                for (name, image) in [("seen", seen), ("answered", answered)] {
+                    let written = image.png().map_err(anyhow::Error::from);
+                    let file = format!("plans/{:04}_{name}.png", plan.made_at);
+                    let written = written.and_then(|bytes| out.write(&file, bytes));
+                    failure = std::mem::replace(&mut failure, Ok(())).and(written);
+                }
+            }
+        }
+    });
+    bar.finish();
+    let Rollout { record, episode } = finished?;
+    failure?;
+
+    let title = format!("{}  ·  {}", record.scene, record.policy);
+    out.write("cloud.ply", export::cloud_ply(episode.view().cloud()))?;
+    out.write("trajectory.json", export::trajectory_json(&record, &lattice)?)?;
+    out.write("coverage.csv", export::coverage_csv(&record.curve))?;
+    out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;
+    out.write("topdown.png", picture::topdown(&episode, &title).png()?)?;
+    println!(
+        "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, {} bumps, {:.1} ms a decision",
+        record.scene,
+        record.policy,
+        100.0 * record.final_coverage,
+        record.steps,
+        record.auc,
+        record.path_length,
+        record.bumps,
+        record.decision_ms
+    );
+    talk.say(format!(
+        "wrote cloud.ply, trajectory.json, coverage.csv, coverage.svg, topdown.png to {}",
+        out.folder().display()
+    ));
+    Ok(())
+}

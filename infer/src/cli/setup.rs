@@ -1,0 +1,88 @@
+//! What `rollout` and `eval` share: settings from a checkpoint and the command line, the network, the worlds.
+
+use super::{overrides, talk::Talk, usage};
+use anyhow::{Context, Result};
+use nbp_env::{Scene, World};
+use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
+use nbp_model::DeviceChoice;
+use rayon::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Options of the commands that run episodes.
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors. Its settings hold for every policy
+    #[arg(long, value_name = "DIR|FILE")]
+    pub(super) checkpoint: Option<PathBuf>,
+    /// Steps of an episode (paper: 100, 200, 400 and 500 from Simple to Insane)
+    #[arg(long, default_value_t = 100, value_name = "N")]
+    pub(super) steps: usize,
+    /// Root of all random numbers
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(super) seed: u64,
+    /// Probability from which a pixel is an obstacle; the checkpoint's own setting if left out
+    #[arg(long, value_name = "P")]
+    obstacle_threshold: Option<f32>,
+    /// Let what was seen overrule the predicted obstacles: true or false
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    fuse_observed: Option<bool>,
+    /// Change any setting, e.g. sim.coverage.points=50000 or policy.blocking_pixels=1; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+/// Everything but the scenes.
+pub(super) struct Setup {
+    pub(super) settings: Settings,
+    pub(super) context: PolicyContext,
+}
+
+impl Args {
+    /// Settings and, if one of the policies needs it, the network.
+    pub(super) fn setup(&self, policies: &[PolicyKind], device: DeviceChoice, talk: Talk) -> Result<Setup> {
+        let needy = policies.iter().find(|kind| kind.needs_network());
+        if let (Some(kind), None) = (needy, &self.checkpoint) {
+            usage(&format!("policy {kind} needs a network: give --checkpoint DIR"));
+        }
+        if self.steps == 0 {
+            usage("--steps must be at least 1");
+        }
+        let described = match &self.checkpoint {
+            None => None,
+            Some(path) => Some(checkpoint::read(path).context("cannot use the checkpoint")?),
+        };
+        let (config, base) = described.unzip();
+        let mut settings = overrides::apply(&base.unwrap_or_default(), &self.set)?;
+        if let Some(threshold) = self.obstacle_threshold {
+            settings.policy.obstacle_threshold = threshold;
+        }
+        if let Some(fuse) = self.fuse_observed {
+            settings.policy.fuse_observed = fuse;
+        }
+        if let Some(config) = &config {
+            checkpoint::check(config, &settings.sim)?;
+        }
+        let mut context = PolicyContext { predictor: None, nbp: settings.policy };
+        if let (Some(path), true) = (&self.checkpoint, needy.is_some()) {
+            let loaded = checkpoint::load(path, device).context("cannot use the checkpoint")?;
+            let (net, window) = (loaded.config.net, loaded.config.window);
+            talk.say(format!(
+                "network: {:.1} million parameters, window {} pixels over {} m, on {}",
+                net.parameters() as f64 / 1e6,
+                window.pixels,
+                window.metres,
+                loaded.device
+            ));
+            context.predictor = Some(loaded.predictor);
+        }
+        talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
+        Ok(Setup { settings, context })
+    }
+}
+
+/// Scenes ready for episodes.
+pub(super) fn worlds(scenes: Vec<Scene>, settings: &Settings) -> Result<Vec<Arc<World>>> {
+    let world = |scene: Scene| Ok(Arc::new(World::new(scene, &settings.sim)?));
+    scenes.into_par_iter().map(world).collect()
+}

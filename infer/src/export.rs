@@ -1,0 +1,163 @@
+//! Files that other programs open: the reconstruction as PLY, the walk as JSON, coverage and episodes as CSV.
+
+use crate::picture::height_colour;
+use crate::rollout::EpisodeRecord;
+use glam::Vec3;
+use nbp_env::{Lattice, LatticePose};
+use serde::Serialize;
+use std::fmt::Write as _;
+
+/// A point cloud as binary little-endian PLY, positions in metres with `y` up, coloured by height.
+pub fn cloud_ply(points: &[Vec3]) -> Vec<u8> {
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment metres, y up\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    let heights = points.iter().map(|p| p.y);
+    let [low, high] = heights.fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], y| [l.min(y), h.max(y)]);
+    bytes.reserve(points.len() * 15);
+    for point in points {
+        bytes.extend(point.to_array().into_iter().flat_map(f32::to_le_bytes));
+        bytes.extend(height_colour((point.y - low) / (high - low).max(1e-6)));
+    }
+    bytes
+}
+
+/// One pose of `trajectory.json`.
+#[derive(Serialize)]
+struct Waypoint {
+    step: usize,
+    /// `[i, k]`, column along `x` and row along `z`.
+    node: [i32; 2],
+    /// 0 to 7, 45° apart, 0 along `+z`, 2 along `+x`.
+    heading: usize,
+    /// Camera centre, metres, `y` up.
+    position: [f32; 3],
+    /// From `+z` towards `+x`.
+    azimuth_degrees: f32,
+    coverage: f32,
+}
+
+#[derive(Serialize)]
+struct Trajectory<'a> {
+    scene: &'a str,
+    policy: &'a str,
+    start: usize,
+    seed: u64,
+    steps: usize,
+    axes: &'static str,
+    final_coverage: f64,
+    auc: f64,
+    bumps: usize,
+    path_length_m: f32,
+    decision_ms: f64,
+    poses: Vec<Waypoint>,
+}
+
+/// An episode's poses with its figures, as JSON.
+///
+/// # Errors
+/// When a number is not finite.
+pub fn trajectory_json(record: &EpisodeRecord, lattice: &Lattice) -> Result<String, serde_json::Error> {
+    let waypoint = |(step, (&pose, &coverage)): (usize, (&LatticePose, &f32))| Waypoint {
+        step,
+        node: [pose.node.i, pose.node.k],
+        heading: pose.heading.index(),
+        position: lattice.position(pose.node).to_array(),
+        azimuth_degrees: pose.heading.azimuth().to_degrees(),
+        coverage,
+    };
+    let trajectory = Trajectory {
+        scene: &record.scene,
+        policy: &record.policy,
+        start: record.start,
+        seed: record.seed,
+        steps: record.steps,
+        axes: "metres; x and z span the ground, y is up; azimuth from +z towards +x",
+        final_coverage: record.final_coverage,
+        auc: record.auc,
+        bumps: record.bumps,
+        path_length_m: record.path_length,
+        decision_ms: record.decision_ms,
+        poses: record.poses.iter().zip(&record.curve).enumerate().map(waypoint).collect(),
+    };
+    serde_json::to_string_pretty(&trajectory).map(|json| json + "\n")
+}
+
+/// `step,coverage`: the covered share, 0 to 1, at the start and after each step.
+pub fn coverage_csv(curve: &[f32]) -> String {
+    let mut csv = String::from("step,coverage\n");
+    for (step, coverage) in curve.iter().enumerate() {
+        let _ = writeln!(csv, "{step},{coverage:.6}");
+    }
+    csv
+}
+
+/// One line for each episode.
+pub fn episodes_csv(episodes: &[EpisodeRecord]) -> String {
+    let mut csv = String::from("scene,policy,start,seed,steps,final_coverage,auc,bumps,path_length_m,decision_ms\n");
+    for r in episodes {
+        let (scene, policy) = (field(&r.scene), field(&r.policy));
+        let _ = writeln!(
+            csv,
+            "{scene},{policy},{},{},{},{:.6},{:.6},{},{:.2},{:.3}",
+            r.start, r.seed, r.steps, r.final_coverage, r.auc, r.bumps, r.path_length, r.decision_ms
+        );
+    }
+    csv
+}
+
+/// A CSV field, quoted where it has to be.
+fn field(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use nbp_env::{Heading, Node};
+
+    pub(crate) fn record() -> EpisodeRecord {
+        let pose = |i, heading| LatticePose { node: Node { i, k: 2 }, heading: Heading::new(heading) };
+        EpisodeRecord {
+            scene: "hall, small".into(),
+            policy: "fbe".into(),
+            start: 1,
+            seed: 3,
+            steps: 2,
+            curve: vec![0.1, 0.2, 0.25],
+            final_coverage: 0.25,
+            auc: 0.1875,
+            bumps: 1,
+            path_length: 1.5,
+            decision_ms: 0.5,
+            poses: vec![pose(0, 2), pose(1, 2), pose(1, 3)],
+        }
+    }
+
+    #[test]
+    fn a_ply_has_its_header_and_fifteen_bytes_a_point() {
+        let bytes = cloud_ply(&[Vec3::new(1.0, 0.0, -2.5), Vec3::new(0.0, 3.0, 0.0)]);
+        let end = b"end_header\n";
+        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+        assert!(std::str::from_utf8(&bytes[..at]).unwrap().contains("element vertex 2\n"));
+        assert_eq!(bytes.len() - at, 30);
+        assert_eq!(bytes[at + 8..at + 12], (-2.5_f32).to_le_bytes());
+        assert_eq!(bytes[at + 12..at + 15], height_colour(0.0));
+        assert!(cloud_ply(&[]).ends_with(end));
+    }
+
+    #[test]
+    fn tables_and_trajectories_say_what_happened() {
+        let csv = episodes_csv(&[record()]);
+        assert_eq!(csv.lines().nth(1).unwrap(), "\"hall, small\",fbe,1,3,2,0.250000,0.187500,1,1.50,0.500");
+        assert_eq!(coverage_csv(&record().curve).lines().last(), Some("2,0.250000"));
+        let lattice = Lattice { origin: Vec3::new(1.0, 1.65, 0.0), spacing: 1.5, size: [4, 4] };
+        let json: serde_json::Value = serde_json::from_str(&trajectory_json(&record(), &lattice).unwrap()).unwrap();
+        let last = &json["poses"][2];
+        assert_eq!((last["step"].as_u64(), last["azimuth_degrees"].as_f64()), (Some(2), Some(135.0)));
+        assert_eq!(last["position"][0].as_f64(), Some(2.5));
+    }
+}

@@ -1,0 +1,200 @@
+//! Finished episodes on disk, one JSON line each, written as they finish: what a second call takes over from the first.
+//!
+//! Every line carries a fingerprint of all that the episode depends on besides its key: scene, settings and, for policies
+//! that ask it, network. A line with another fingerprint is left alone and not used.
+
+use crate::checkpoint::Settings;
+use crate::eval::EvalConfig;
+use crate::registry::PolicyKind;
+use crate::rollout::EpisodeRecord;
+use nbp_env::{SeedTree, World};
+use nbp_model::weights::write_atomic;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// All episodes of a finished evaluation.
+pub const EPISODES: &str = "episodes.jsonl";
+/// Those of one under way.
+pub const PARTIAL: &str = "episodes.partial.jsonl";
+
+#[derive(Serialize, Deserialize)]
+struct Line<R> {
+    fingerprint: String,
+    record: R,
+}
+
+/// What the episodes of an evaluation depend on.
+#[derive(Clone, Debug)]
+pub struct Fingerprints {
+    scenes: BTreeMap<String, u64>,
+    blind: String,
+    network: String,
+}
+
+impl Fingerprints {
+    /// Of `worlds` under `settings`; `weights` are the bytes of the network's file, if there is one.
+    pub fn new(worlds: &[Arc<World>], settings: &Settings, config: &EvalConfig, weights: Option<&[u8]>) -> Self {
+        let scenes = worlds.iter().map(|world| (world.scene().name().to_owned(), of_scene(world))).collect();
+        // Debug forms of plain settings: every field enters, and there is no number that it cannot write.
+        let blind = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), settings.sim, config.steps);
+        let network = format!("{blind} {:?} {:016x}", settings.policy, weights.map_or(0, hash));
+        Self { scenes, blind, network }
+    }
+
+    fn of(&self, record: &EpisodeRecord) -> Option<String> {
+        let kind: PolicyKind = record.policy.parse().ok()?;
+        let settings = if kind.needs_network() { &self.network } else { &self.blind };
+        let scene = self.scenes.get(&record.scene)?;
+        Some(format!("{:016x}", hash(format!("{scene:016x} {settings}").as_bytes())))
+    }
+}
+
+fn of_scene(world: &World) -> u64 {
+    let scene = world.scene();
+    let corners = scene.mesh().iter_corners().flatten().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes);
+    let setting = format!("{:?} {:?} {:?}", scene.bounds(), scene.lattice(), scene.starts());
+    hash(&corners.chain(setting.into_bytes()).collect::<Vec<u8>>())
+}
+
+/// 64 bits, eight bytes at a time.
+fn hash(bytes: &[u8]) -> u64 {
+    let word = |chunk: &[u8]| chunk.iter().rev().fold(0_u64, |word, &byte| word << 8 | u64::from(byte));
+    let folded = bytes.chunks(8).fold(bytes.len() as u64, |state, chunk| {
+        (state ^ word(chunk)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+    });
+    SeedTree::new(folded).key()
+}
+
+/// The journal of an evaluation in a folder.
+pub struct Journal {
+    folder: PathBuf,
+    fingerprints: Fingerprints,
+    file: Mutex<File>,
+}
+
+impl Journal {
+    /// Opens the journal of a folder, with the episodes in it that are still good.
+    ///
+    /// # Errors
+    /// When the folder cannot be read or written.
+    pub fn open(folder: &Path, fingerprints: Fingerprints) -> io::Result<(Self, Vec<EpisodeRecord>)> {
+        let (finished, _) = read(&folder.join(EPISODES))?;
+        let path = folder.join(PARTIAL);
+        let (partial, is_torn) = read(&path)?;
+        let mut file = OpenOptions::new().create(true).append(true).open(path)?;
+        if is_torn {
+            // A crash left half a line: what follows must not become its end.
+            file.write_all(b"\n")?;
+        }
+        let good = |line: Line<EpisodeRecord>| {
+            (fingerprints.of(&line.record).as_ref() == Some(&line.fingerprint)).then_some(line.record)
+        };
+        let records = finished.into_iter().chain(partial).filter_map(good).collect();
+        Ok((Self { folder: folder.to_owned(), fingerprints, file: Mutex::new(file) }, records))
+    }
+
+    /// Writes down a finished episode.
+    ///
+    /// # Errors
+    /// When the disk is full or gone.
+    pub fn append(&self, record: &EpisodeRecord) -> io::Result<()> {
+        let line = self.line(record)?;
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.write_all(line.as_bytes())?;
+        file.flush()
+    }
+
+    /// Replaces the journal by the finished evaluation.
+    ///
+    /// # Errors
+    /// When the folder cannot be written; the journal stays.
+    pub fn finish(self, episodes: &[EpisodeRecord]) -> io::Result<()> {
+        let lines: io::Result<String> = episodes.iter().map(|record| self.line(record)).collect();
+        write_atomic(&self.folder.join(EPISODES), lines?.as_bytes())?;
+        drop(self.file);
+        fs::remove_file(self.folder.join(PARTIAL))
+    }
+
+    fn line(&self, record: &EpisodeRecord) -> io::Result<String> {
+        let fingerprint = self.fingerprints.of(record).unwrap_or_default();
+        Ok(serde_json::to_string(&Line { fingerprint, record })? + "\n")
+    }
+}
+
+/// The readable lines of a file, none if it is not there, and whether its last line is torn.
+fn read(path: &Path) -> io::Result<(Vec<Line<EpisodeRecord>>, bool)> {
+    match fs::read_to_string(path) {
+        Ok(text) => {
+            let lines = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+            Ok((lines, !text.is_empty() && !text.ends_with('\n')))
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok((Vec::new(), false)),
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export;
+    use nbp_env::{Scene, SimConfig};
+
+    fn fingerprints(settings: &Settings, weights: &[u8]) -> Fingerprints {
+        let world = World::new(Scene::two_rooms(), &SimConfig::default()).unwrap();
+        Fingerprints::new(&[Arc::new(world)], settings, &EvalConfig::default(), Some(weights))
+    }
+
+    fn record(policy: &str, start: usize) -> EpisodeRecord {
+        EpisodeRecord { scene: "two_rooms".into(), policy: policy.into(), start, ..export::tests::record() }
+    }
+
+    #[test]
+    fn episodes_survive_a_crash_and_a_finish() {
+        let dir = tempfile::tempdir().unwrap();
+        let prints = fingerprints(&Settings::default(), b"w");
+        let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
+        assert!(records.is_empty());
+        journal.append(&record("fbe", 0)).unwrap();
+        journal.append(&record("nbp", 1)).unwrap();
+        drop(journal);
+        let partial = dir.path().join(PARTIAL);
+        let text = fs::read_to_string(&partial).unwrap();
+        fs::write(&partial, &text[..text.len() - 30]).unwrap();
+
+        let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
+        assert_eq!(records, [record("fbe", 0)]);
+        journal.append(&record("fbe", 2)).unwrap();
+        drop(journal);
+        let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
+        assert_eq!(records, [record("fbe", 0), record("fbe", 2)]);
+        journal.finish(&records).unwrap();
+        assert!(!partial.exists());
+        assert_eq!(Journal::open(dir.path(), prints).unwrap().1, records);
+    }
+
+    #[test]
+    fn other_settings_and_weights_make_episodes_useless_where_they_matter() {
+        let dir = tempfile::tempdir().unwrap();
+        let settings = Settings::default();
+        let (journal, _) = Journal::open(dir.path(), fingerprints(&settings, b"w")).unwrap();
+        for policy in ["fbe", "nbp"] {
+            journal.append(&record(policy, 0)).unwrap();
+        }
+        let kept = |settings: &Settings, weights: &[u8]| {
+            let (_, records) = Journal::open(dir.path(), fingerprints(settings, weights)).unwrap();
+            records.into_iter().map(|record| record.policy).collect::<Vec<_>>()
+        };
+        assert_eq!(kept(&settings, b"w"), ["fbe", "nbp"]);
+        assert_eq!(kept(&settings, b"other"), ["fbe"]);
+        let mut policy = settings.clone();
+        policy.policy.fuse_observed = true;
+        assert_eq!(kept(&policy, b"w"), ["fbe"]);
+        let mut sim = settings;
+        sim.sim.keep = 0.1;
+        assert!(kept(&sim, b"w").is_empty());
+    }
+}
