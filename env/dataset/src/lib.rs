@@ -5,6 +5,7 @@
 pub mod doom_map;
 pub mod wad;
 
+mod arrange;
 pub mod triangulate;
 
 pub mod convert;

@@ -6,9 +6,9 @@ use crate::navigation::Navigation;
 use glam::{Vec2, Vec3};
 use nbp_env::pose::Lattice;
 use nbp_env::scene::LatticeGraph;
-use nbp_env::{Scene, SeedTree};
+use nbp_env::{Node, Scene, SeedTree};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 /// Resolution of the areas in the camera plane.
 const FINE: f32 = 0.25;
@@ -16,15 +16,15 @@ const FINE: f32 = 0.25;
 /// Clearance is measured at about this many places.
 const CLEARANCE_SAMPLES: usize = 4000;
 
-/// Walls within this of a free place belong to the scene's free space.
-const NEAR_WALL: f32 = 0.3;
+/// Faces are looked at from this far.
+const OFF_WALL: f32 = 0.01;
 
 /// The figures of one scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneStats {
     /// Scene.
     pub name: String,
-    /// Area of the faces that look up.
+    /// Area of the faces with free space above them.
     pub floor_area: f64,
     /// Largest area that is connected in the camera plane.
     pub plane_area: f64,
@@ -53,18 +53,12 @@ pub struct SceneStats {
 /// Measures a scene.
 pub fn measure(scene: &Scene) -> SceneStats {
     let navigation = Navigation::of(scene.graph());
-    let mut floor_area = 0.0_f64;
-    for [a, b, c] in scene.mesh().iter_corners() {
-        let normal = (b - a).cross(c - a);
-        if normal.y > 0.5 * normal.length() {
-            floor_area += f64::from(normal.y) / 2.0;
-        }
-    }
+    let floor_area: f64 = scene.mesh().iter_corners().filter_map(|corners| floor_of(scene, corners)).sum();
     let [low, high] = scene.mesh().bounds();
     let fine = fine_lattice(scene);
     let free: Vec<Vec2> = fine.largest_component().iter().map(|&n| flat(fine.lattice().position(n))).collect();
     let plane_area = free.len() as f64 * f64::from(FINE * FINE);
-    let walls = walls_around(scene, &free);
+    let walls = walls_around(scene, &fine);
     let length = |wall: &[Vec2; 2]| f64::from(wall[0].distance(wall[1]));
     let wall_length: f64 = walls.iter().map(length).sum();
     let oblique: f64 = walls.iter().filter(|wall| is_oblique(**wall)).map(length).sum();
@@ -84,39 +78,59 @@ pub fn measure(scene: &Scene) -> SceneStats {
         oblique_share: ratio(oblique, wall_length),
         clearance_p50: percentile(50),
         clearance_p90: percentile(90),
-        islands: ratio(100.0 * outlines(&walls).saturating_sub(1) as f64, plane_area),
+        islands: ratio(100.0 * outlines(scene.walls(), &walls).saturating_sub(1) as f64, plane_area),
     }
 }
 
+/// Area in plan of a face with free space above it: an odd number of surfaces lies under a point just over it. Faces may
+/// be wound either way.
+fn floor_of(scene: &Scene, [a, b, c]: [Vec3; 3]) -> Option<f64> {
+    let normal = (b - a).cross(c - a);
+    if normal.y.abs() < 0.5 * normal.length() {
+        return None;
+    }
+    let above = (a + b + c) / 3.0 + OFF_WALL * Vec3::Y;
+    let is_floor = scene.rays().crossings(above, Vec3::NEG_Y).len() % 2 == 1;
+    is_floor.then(|| f64::from(normal.y.abs()) / 2.0)
+}
+
 fn ratio(a: f64, b: f64) -> f64 {
-    if b > 0.0 { a / b } else { 0.0 }
+    // Empty sums of floats are -0.
+    if b > 0.0 { a / b + 0.0 } else { 0.0 }
 }
 
 fn flat(p: Vec3) -> Vec2 {
     Vec2::new(p.x, p.z)
 }
 
-/// The camera plane at a finer step than the agent's, in phase with its lattice.
+/// The camera plane at a finer step than the agent's, half a fine step off its lattice: walls on round numbers, which are
+/// common, then pass between the places and areas are not biased.
 fn fine_lattice(scene: &Scene) -> LatticeGraph {
     let [low, high] = scene.mesh().bounds();
-    let coarse = scene.lattice();
-    let back = ((coarse.origin - low) / FINE).floor();
-    let origin = Vec3::new(coarse.origin.x - back.x * FINE, coarse.origin.y, coarse.origin.z - back.z * FINE);
+    let coarse = scene.lattice().origin;
+    let first = |at: f32, low: f32| at - ((at - low) / FINE - 0.5).floor() * FINE - 0.5 * FINE;
+    let origin = Vec3::new(first(coarse.x, low.x), coarse.y, first(coarse.z, low.z));
     let size = [(high.x - origin.x) / FINE, (high.z - origin.z) / FINE].map(|n| n.max(0.0) as i32 + 1);
     LatticeGraph::build(Lattice { origin, spacing: FINE, size }, scene.rays())
 }
 
-/// Walls at the camera plane that bound the free places.
-fn walls_around(scene: &Scene, free: &[Vec2]) -> Vec<[Vec2; 2]> {
-    let key = |p: Vec2| ((p / NEAR_WALL).floor().x as i32, (p / NEAR_WALL).floor().y as i32);
-    let mut cells: Vec<(i32, i32)> = free.iter().map(|&p| key(p)).collect();
-    cells.sort_unstable();
-    cells.dedup();
-    let is_near = |wall: &[Vec2; 2]| {
-        let (x, z) = key((wall[0] + wall[1]) / 2.0);
-        (-1..=1).any(|dx| (-1..=1).any(|dz| cells.binary_search(&(x + dx, z + dz)).is_ok()))
+/// Walls at the camera plane that a free place within reach sees, so that walls of closed-off pockets do not count.
+fn walls_around(scene: &Scene, fine: &LatticeGraph) -> Vec<[Vec2; 2]> {
+    let places: BTreeSet<Node> = fine.largest_component().iter().copied().collect();
+    let height = fine.lattice().origin.y;
+    let is_seen = |wall: &[Vec2; 2]| {
+        let (middle, along) = ((wall[0] + wall[1]) / 2.0, (wall[1] - wall[0]).normalize_or_zero());
+        [along.perp(), -along.perp()].into_iter().any(|out| {
+            let eye = middle + OFF_WALL * out;
+            let eye = Vec3::new(eye.x, height, eye.y);
+            let near = fine.lattice().nearest(eye);
+            let around = (-1..=1).flat_map(|di| (-1..=1).map(move |dk| Node { i: near.i + di, k: near.k + dk }));
+            around
+                .filter(|node| places.contains(node))
+                .any(|node| !scene.rays().segment_is_blocked(eye, fine.lattice().position(node)))
+        })
     };
-    scene.walls().iter().copied().filter(is_near).collect()
+    scene.walls().iter().copied().filter(is_seen).collect()
 }
 
 fn is_oblique([a, b]: [Vec2; 2]) -> bool {
@@ -135,28 +149,27 @@ fn clearances(free: &[Vec2], walls: &[[Vec2; 2]]) -> Vec<f32> {
     free.iter().step_by(stride).map(nearest).filter(|d| d.is_finite()).collect()
 }
 
-/// Number of connected chains of segments; ends are shared bit by bit.
-fn outlines(walls: &[[Vec2; 2]]) -> usize {
-    let mut numbers: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    let mut parent: Vec<usize> = Vec::new();
-    let root = |mut n: usize, parent: &mut Vec<usize>| {
+/// Number of outlines, connected chains of `all` segments, to which one of the `seen` belongs. Ends are shared bit by bit.
+fn outlines(all: &[[Vec2; 2]], seen: &[[Vec2; 2]]) -> usize {
+    let key = |p: Vec2| [p.x, p.y].map(|c| (c + 0.0).to_bits());
+    let mut corners: Vec<[u32; 2]> = all.iter().flatten().map(|&p| key(p)).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let number = |p: Vec2| corners.binary_search(&key(p)).unwrap_or(0);
+    let mut parent: Vec<usize> = (0..corners.len()).collect();
+    let root = |mut n: usize, parent: &mut [usize]| {
         while parent[n] != n {
             parent[n] = parent[parent[n]];
             n = parent[n];
         }
         n
     };
-    for wall in walls {
-        let [a, b] = wall.map(|p| {
-            *numbers.entry([p.x, p.y].map(|c| (c + 0.0).to_bits())).or_insert_with(|| {
-                parent.push(parent.len());
-                parent.len() - 1
-            })
-        });
-        let (a, b) = (root(a, &mut parent), root(b, &mut parent));
+    for wall in all {
+        let [a, b] = wall.map(|p| root(number(p), &mut parent));
         parent[a] = b;
     }
-    (0..parent.len()).filter(|&n| parent[n] == n).count()
+    let chains: BTreeSet<usize> = seen.iter().map(|wall| root(number(wall[0]), &mut parent)).collect();
+    chains.len()
 }
 
 /// Mean and standard deviation of a figure.

@@ -1,8 +1,9 @@
 //! Constrained Delaunay triangulation of line segments that may cross, touch and overlap.
 //!
-//! The only file that knows `spade`; the converter and the generator share it (aimdoom.md, section 2, step 3).
+//! The only file that knows `spade`; the converter and the generator share it (aimdoom.md, section 2, step 3). Segments
+//! are made planar first: spade's own splitting of crossing constraints panics on maps with many crossings.
 
-use spade::handles::FixedVertexHandle;
+use crate::arrange::{Arrangement, arrange};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 use std::collections::BTreeMap;
 
@@ -21,52 +22,74 @@ pub struct TriangulateError {
 /// Triangles of the convex hull of the segments; edges are numbered 0: `a→b`, 1: `b→c`, 2: `c→a`.
 #[derive(Debug, Clone, Default)]
 pub struct Triangulation {
-    /// Corners, map units. The first ones are the distinct end points; crossings follow.
+    /// Corners, map units, sorted.
     pub points: Vec<[f64; 2]>,
     /// Counter-clockwise corner indices.
     pub triangles: Vec<[u32; 3]>,
     /// The triangle across each edge; `None` outside of the hull.
     pub neighbours: Vec<[Option<u32>; 3]>,
-    /// Whether each edge lies on a segment.
-    pub is_constraint: Vec<[bool; 3]>,
+    /// Number of each edge's group of segments; group 0 is empty.
+    groups_of: Vec<[u32; 3]>,
+    groups: Vec<Vec<u32>>,
 }
 
 impl Triangulation {
-    /// Triangulates `segments` between `points` (pairs of indices); segments of no length are left out.
+    /// Triangulates segments between points in map units. Crossings are rounded to a grid with `subunits` lines in a map
+    /// unit; segments of no length are left out.
     ///
     /// # Errors
-    /// On coordinates that are not finite.
-    pub fn build(points: &[[f64; 2]], segments: &[[u32; 2]]) -> Result<Self, TriangulateError> {
-        let mut cdt = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
-        let mut handles = Vec::with_capacity(points.len());
-        for &[x, y] in points {
-            // -0.0 and 0.0 are one place, and spade refuses tiny values.
-            let [x, y] = [x, y].map(|v| if v.abs() < 1e-9 { 0.0 } else { v });
-            let refused = |error: spade::InsertionError| TriangulateError { x, y, reason: error.to_string() };
-            handles.push(cdt.insert(Point2::new(x, y)).map_err(refused)?);
+    /// Where a coordinate is too large or lines cross in a way that does not settle on the grid.
+    pub fn build(segments: &[[[i32; 2]; 2]], subunits: u16) -> Result<Self, TriangulateError> {
+        let scale = f64::from(subunits.max(1));
+        let fixed = |segment: &[[i32; 2]; 2]| segment.map(|p| p.map(|c| i64::from(c) * i64::from(subunits.max(1))));
+        let fixed: Vec<_> = segments.iter().map(fixed).collect();
+        let fail = |[x, y]: [i64; 2], reason: String| {
+            Err(TriangulateError { x: x as f64 / scale, y: y as f64 / scale, reason })
+        };
+        let arranged = match arrange(&fixed) {
+            Ok(arranged) => arranged,
+            Err((at, reason)) => return fail(at, reason.into()),
+        };
+        let place = |p: &[i64; 2]| Point2::new(p[0] as f64 / scale, p[1] as f64 / scale);
+        let corners: Vec<Point2<f64>> = arranged.points.iter().map(place).collect();
+        let pairs = arranged.pieces.keys().map(|pair| pair.map(|p| p as usize)).collect();
+        let mut conflict = None;
+        let built = ConstrainedDelaunayTriangulation::<Point2<f64>>::try_bulk_load_cdt(corners, pairs, |pair| {
+            conflict = conflict.or(arranged.points.get(pair[0]).copied());
+        });
+        match (built, conflict) {
+            (Ok(cdt), None) => Ok(Self::read(&cdt, arranged)),
+            (Ok(_), Some(at)) => fail(at, "two lines cross".into()),
+            (Err(error), _) => fail([0; 2], error.to_string()),
         }
-        for &[a, b] in segments {
-            let (Some(&from), Some(&to)) = (handles.get(a as usize), handles.get(b as usize)) else { continue };
-            if from != to {
-                add_segment(&mut cdt, from, to);
-            }
-        }
-        Ok(Self::read(&cdt))
     }
 
-    fn read(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Self {
+    fn read(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>, arranged: Arrangement) -> Self {
         let points = cdt.vertices().map(|v| [v.position().x, v.position().y]).collect();
         // Face 0 is the outside; numbers are made dense again in the order of the faces.
-        let number: BTreeMap<usize, u32> =
-            cdt.inner_faces().enumerate().map(|(n, face)| (face.index(), n as u32)).collect();
-        let mut built = Self { points, ..Self::default() };
+        let mut number = vec![None; cdt.num_all_faces()];
+        cdt.inner_faces().enumerate().for_each(|(n, face)| number[face.index()] = Some(n as u32));
+        let mut built = Self { points, groups: vec![Vec::new()], ..Self::default() };
+        let mut group_of: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+        for (pair, sources) in arranged.pieces {
+            group_of.insert(pair, built.groups.len() as u32);
+            built.groups.push(sources);
+        }
         for face in cdt.inner_faces() {
             let edges = face.adjacent_edges();
             built.triangles.push(edges.map(|edge| edge.from().index() as u32));
-            built.neighbours.push(edges.map(|edge| number.get(&edge.rev().face().index()).copied()));
-            built.is_constraint.push(edges.map(|edge| edge.is_constraint_edge()));
+            built.neighbours.push(edges.map(|edge| number[edge.rev().face().index()]));
+            built.groups_of.push(edges.map(|edge| {
+                let [a, b] = [edge.from(), edge.to()].map(|v| v.index() as u32);
+                group_of.get(&[a.min(b), a.max(b)]).copied().unwrap_or(0)
+            }));
         }
         built
+    }
+
+    /// The segments, by number, that an edge of a triangle is part of.
+    pub fn segments_on(&self, triangle: usize, edge: usize) -> &[u32] {
+        &self.groups[self.groups_of[triangle][edge] as usize]
     }
 
     /// End points of one edge of a triangle.
@@ -123,37 +146,26 @@ impl Triangulation {
     }
 }
 
-fn add_segment(
-    cdt: &mut ConstrainedDelaunayTriangulation<Point2<f64>>,
-    from: FixedVertexHandle,
-    to: FixedVertexHandle,
-) {
-    cdt.add_constraint_and_split(from, to, |crossing| crossing);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn crossing_segments_are_split() {
-        let points = [[0.0, 0.0], [10.0, 10.0], [0.0, 10.0], [10.0, 0.0]];
-        let plan = Triangulation::build(&points, &[[0, 1], [2, 3]]).unwrap();
+        let plan = Triangulation::build(&[[[0, 0], [10, 10]], [[0, 10], [10, 0]]], 1).unwrap();
         assert_eq!(plan.points.len(), 5);
         assert_eq!(plan.triangles.len(), 4);
         let area: f64 = (0..4).map(|t| plan.area(t)).sum();
         assert!((area - 100.0).abs() < 1e-9);
-        let (_, regions) = plan.flood(|_| true, |t, e, _| !plan.is_constraint[t][e]);
+        let (_, regions) = plan.flood(|_| true, |t, e, _| plan.segments_on(t, e).is_empty());
         assert_eq!(regions, 4);
     }
 
     #[test]
-    fn duplicates_and_overlaps_are_fine() {
-        let points = [[0.0, 0.0], [4.0, 0.0], [2.0, 0.0], [8.0, 0.0], [0.0, 0.0], [3.0, 5.0]];
-        let segments = [[0, 1], [2, 3], [4, 5], [0, 4], [0, 1], [5, 3]];
-        let plan = Triangulation::build(&points, &segments).unwrap();
-        assert_eq!(plan.points.len(), 5);
-        assert!(Triangulation::build(&[[f64::NAN, 0.0]], &[]).is_err());
-        assert!(Triangulation::build(&[], &[]).unwrap().triangles.is_empty());
+    fn degenerate_plans_are_empty() {
+        assert!(Triangulation::build(&[], 1).unwrap().triangles.is_empty());
+        assert!(Triangulation::build(&[[[5, 5], [5, 5]]], 1).unwrap().triangles.is_empty());
+        assert!(Triangulation::build(&[[[0, 0], [5, 5]], [[3, 3], [9, 9]]], 1).unwrap().triangles.is_empty());
+        assert!(Triangulation::build(&[[[0, 0], [i32::MAX, 5]]], 256).is_err());
     }
 }

@@ -7,14 +7,12 @@ use crate::doom_map::{DoomMap, LineDef};
 use crate::triangulate::{TriangulateError, Triangulation};
 use std::collections::BTreeMap;
 
-/// Side of a bucket in the grid that finds linedefs, map units.
-const BUCKET: f64 = 64.0;
+/// Crossings of linedefs are rounded to this share of a map unit.
+const SUBUNITS: u16 = 256;
 
-/// A piece of a border lies on a linedef when its middle is this near; crossings are rounded to doubles.
-const ON_LINE: f64 = 1e-3;
-
-/// A border that disagrees with the region for less than this is rounding, map units.
-const TOLERATED_DISSENT: f64 = 1.0;
+/// A region is in conflict when more than this share of its border names other sectors: the sector is not closed, and
+/// which one wins changes the map. Less is a slip of a single line, of which real maps have many.
+const TOLERATED_DISSENT: f64 = 0.1;
 
 /// The plan with a sector for each triangle.
 #[derive(Debug, Clone)]
@@ -56,13 +54,12 @@ struct Region {
 /// # Errors
 /// When the plan cannot be triangulated.
 pub fn label(map: &DoomMap) -> Result<LabelledPlan, TriangulateError> {
-    let points: Vec<[f64; 2]> = map.vertices.iter().map(|v| [f64::from(v.x), f64::from(v.y)]).collect();
-    let segments: Vec<[u32; 2]> = map.linedefs.iter().map(|line| [line.from, line.to]).collect();
-    let plan = Triangulation::build(&points, &segments)?;
-    let (region_of, count) = plan.flood(|_| true, |t, e, _| !plan.is_constraint[t][e]);
+    let corner = |v: u32| map.vertices.get(v as usize).map_or([0; 2], |v| [v.x, v.y]);
+    let segments: Vec<_> = map.linedefs.iter().map(|line| [corner(line.from), corner(line.to)]).collect();
+    let plan = Triangulation::build(&segments, SUBUNITS)?;
+    let (region_of, count) = plan.flood(|_| true, |t, e, _| plan.segments_on(t, e).is_empty());
     let region_of: Vec<u32> = region_of.into_iter().map(|r| r.unwrap_or(0)).collect();
     let mut regions: Vec<Region> = (0..count).map(|_| Region::default()).collect();
-    let lines = LineGrid::new(map, &points);
     for triangle in 0..plan.triangles.len() {
         let area = plan.area(triangle);
         let region = &mut regions[region_of[triangle] as usize];
@@ -72,7 +69,8 @@ pub fn label(map: &DoomMap) -> Result<LabelledPlan, TriangulateError> {
         region.area += area;
         for edge in 0..3 {
             let neighbour = plan.neighbours[triangle][edge];
-            if !plan.is_constraint[triangle][edge] {
+            let lines = plan.segments_on(triangle, edge);
+            if lines.is_empty() {
                 region.is_outside |= neighbour.is_none();
                 continue;
             }
@@ -80,9 +78,11 @@ pub fn label(map: &DoomMap) -> Result<LabelledPlan, TriangulateError> {
             let ends = plan.edge(triangle, edge).map(|v| plan.points[v as usize]);
             let mut spoke = false;
             // Triangles are counter-clockwise, so the region lies to the left of its edges.
-            for vote in lines.sides_to_the_left(ends) {
-                *region.votes.entry(vote).or_default() += length;
-                spoke = true;
+            for &line in lines {
+                if let Some(vote) = side_to_the_left(map, segments[line as usize], &map.linedefs[line as usize], ends) {
+                    *region.votes.entry(vote).or_default() += length;
+                    spoke = true;
+                }
             }
             if let (false, Some(neighbour)) = (spoke, neighbour) {
                 *region.silent.entry(region_of[neighbour as usize]).or_default() += length;
@@ -98,7 +98,8 @@ pub fn label(map: &DoomMap) -> Result<LabelledPlan, TriangulateError> {
     };
     for (region, &sector) in regions.iter().zip(&choice) {
         let dissent: f64 = region.votes.iter().filter(|(vote, _)| **vote != sector).map(|(_, length)| length).sum();
-        if dissent > TOLERATED_DISSENT && !region.is_outside {
+        let border: f64 = region.votes.values().sum();
+        if dissent > TOLERATED_DISSENT * border && !region.is_outside {
             labelled.conflict_area += region.area;
             let conflict = Conflict { area: region.area, at: region.middle, sector };
             if labelled.worst_conflict.is_none_or(|worst| worst.area < conflict.area) {
@@ -140,74 +141,16 @@ fn choose(regions: &[Region]) -> Vec<Option<u32>> {
     choice.into_iter().map(Option::flatten).collect()
 }
 
-/// Linedefs by place.
-struct LineGrid<'a> {
-    map: &'a DoomMap,
-    points: &'a [[f64; 2]],
-    buckets: BTreeMap<(i32, i32), Vec<u32>>,
-}
-
-impl<'a> LineGrid<'a> {
-    fn new(map: &'a DoomMap, points: &'a [[f64; 2]]) -> Self {
-        let mut buckets: BTreeMap<(i32, i32), Vec<u32>> = BTreeMap::new();
-        for (index, line) in map.linedefs.iter().enumerate() {
-            let Some([a, b]) = ends(points, line) else { continue };
-            // Long lines pass few of the buckets in their box: walk along them in half-bucket steps and take a margin.
-            let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) / (BUCKET / 2.0)).ceil().max(1.0) as usize;
-            let mut last = None;
-            for step in 0..=steps {
-                let t = step as f64 / steps as f64;
-                let key = bucket([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
-                if last != Some(key) {
-                    for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))) {
-                        let entry = buckets.entry((key.0 + dx, key.1 + dy)).or_default();
-                        if entry.last() != Some(&(index as u32)) {
-                            entry.push(index as u32);
-                        }
-                    }
-                    last = Some(key);
-                }
-            }
-        }
-        Self { map, points, buckets }
-    }
-
-    /// What the linedefs under a piece of border say about the side to its left. Lines with one sector on both sides say
-    /// nothing.
-    fn sides_to_the_left(&self, [p, q]: [[f64; 2]; 2]) -> Vec<Option<u32>> {
-        let middle = [(p[0] + q[0]) / 2.0, (p[1] + q[1]) / 2.0];
-        let candidates = self.buckets.get(&bucket(middle)).into_iter().flatten();
-        let mut votes = Vec::new();
-        for line in candidates.filter_map(|&index| self.map.linedefs.get(index as usize)) {
-            let Some([a, b]) = ends(self.points, line) else { continue };
-            let (along, length) = ([b[0] - a[0], b[1] - a[1]], (b[0] - a[0]).hypot(b[1] - a[1]));
-            if length == 0.0 {
-                continue;
-            }
-            let from_a = [middle[0] - a[0], middle[1] - a[1]];
-            let off = (along[0] * from_a[1] - along[1] * from_a[0]) / length;
-            let t = (along[0] * from_a[0] + along[1] * from_a[1]) / length;
-            // A short piece may lie near a line that it crosses: it must run along the line, too.
-            let piece = [q[0] - p[0], q[1] - p[1]];
-            let turn = (along[0] * piece[1] - along[1] * piece[0]) / length;
-            if off.abs() > ON_LINE || t < -ON_LINE || t > length + ON_LINE || turn.abs() > 2.0 * ON_LINE {
-                continue;
-            }
-            let sectors = [line.front, line.back].map(|side| self.map.sector_of(side));
-            if sectors[0] == sectors[1] {
-                continue;
-            }
-            let same_way = along[0] * piece[0] + along[1] * piece[1] > 0.0;
-            votes.push(if same_way { sectors[1] } else { sectors[0] });
-        }
-        votes
-    }
-}
-
-fn ends(points: &[[f64; 2]], line: &LineDef) -> Option<[[f64; 2]; 2]> {
-    Some([*points.get(line.from as usize)?, *points.get(line.to as usize)?])
-}
-
-fn bucket(p: [f64; 2]) -> (i32, i32) {
-    ((p[0] / BUCKET).floor() as i32, (p[1] / BUCKET).floor() as i32)
+/// What a linedef says about the side to the left of a piece of it. A line with one sector on both sides says nothing;
+/// `Some(None)` is solid.
+fn side_to_the_left(
+    map: &DoomMap,
+    [a, b]: [[i32; 2]; 2],
+    line: &LineDef,
+    [p, q]: [[f64; 2]; 2],
+) -> Option<Option<u32>> {
+    let [front, back] = [line.front, line.back].map(|side| map.sector_of(side));
+    let along = [0, 1].map(|axis| f64::from(b[axis]) - f64::from(a[axis]));
+    let same_way = along[0] * (q[0] - p[0]) + along[1] * (q[1] - p[1]) > 0.0;
+    (front != back).then_some(if same_way { back } else { front })
 }

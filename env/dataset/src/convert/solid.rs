@@ -151,8 +151,10 @@ mod tests {
 
     #[test]
     fn a_step_between_two_cells_makes_a_closed_mesh() {
-        let points = [[0.0, 0.0], [100.0, 0.0], [200.0, 0.0], [200.0, 100.0], [100.0, 100.0], [0.0, 100.0]];
-        let plan = Triangulation::build(&points, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [5, 0], [1, 4]]).unwrap();
+        let outline = [[0, 0], [100, 0], [200, 0], [200, 100], [100, 100], [0, 100], [0, 0]];
+        let mut segments: Vec<_> = outline.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        segments.push([[100, 0], [100, 100]]);
+        let plan = Triangulation::build(&segments, 1).unwrap();
         let air: Vec<Air> = (0..plan.triangles.len())
             .map(|t| Some(if plan.centroid(t)[0] < 100.0 { (0, 96) } else { (24, 128) }))
             .collect();

@@ -94,8 +94,8 @@ fn wall_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
         let along = [0, 1].map(|axis| (b[axis] - a[axis]).signum());
         // Outlines are counter-clockwise: the air lies to the left.
         let inward = [-along[1], along[0]];
-        if rng.random_bool(0.45) && is_straight(before, a) && is_corner(before, a, b) {
-            let cut = rng.random_range(4..=10) * 8;
+        if rng.random_bool(0.6) && is_straight(before, a) && is_corner(before, a, b) {
+            let cut = rng.random_range(6..=20) * 8;
             let corner: Polygon = vec![a, step(a, along, cut), step(a, inward, cut)];
             if place_at_wall(draft, Rect::spanning(corner[1], corner[2]), corner, None) {
                 return;

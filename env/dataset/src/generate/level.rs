@@ -35,11 +35,11 @@ impl Level {
 
     /// Draws what one map is to be.
     pub(crate) fn draw_targets(self, rng: &mut Rng) -> Targets {
-        let (area, deviation, site, complexity, depth_first) = match self {
-            Self::Simple => (633.0, 120.0, [48.0, 46.0], 11.0, 0.5),
-            Self::Normal => (1348.0, 220.0, [66.0, 65.0], 18.0, 0.6),
-            Self::Hard => (3214.0, 400.0, [92.0, 86.0], 36.0, 0.8),
-            Self::Insane => (5488.0, 600.0, [125.0, 116.0], 45.0, 0.8),
+        let (area, deviation, site, complexity, depth_first, side) = match self {
+            Self::Simple => (633.0, 120.0, [48.0, 46.0], 11.0, 0.5, 4.8),
+            Self::Normal => (1348.0, 220.0, [66.0, 65.0], 18.0, 0.6, 5.5),
+            Self::Hard => (3214.0, 400.0, [92.0, 86.0], 36.0, 0.8, 6.0),
+            Self::Insane => (5488.0, 600.0, [125.0, 116.0], 45.0, 0.8, 6.0),
         };
         let drawn: f64 = area + deviation * normal(rng).clamp(-2.0, 2.0);
         // Larger maps get larger sites: the fill of the bounding box is what a player sees.
@@ -52,8 +52,8 @@ impl Level {
             site: site.map(|side| side * scale),
             depth_first,
             room_share: 0.88,
-            rooms: RoomStyle { side: 3.0, spread: 0.38, largest: 7, gaps: [0.45, 0.3, 0.15, 0.1] },
-            details: DetailStyle { islands: 1.6, at_walls: 3.0, low: 3.0 },
+            rooms: RoomStyle { side, spread: 0.4, closets: 0.48, largest: 10, gaps: [0.65, 0.2, 0.1, 0.05] },
+            details: DetailStyle { islands: 1.6, at_walls: 1.0, low: 3.0 },
         }
     }
 }

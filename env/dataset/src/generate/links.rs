@@ -15,6 +15,9 @@ const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Corridors longer than this many lattice cells are only dug to reach a room that is left over.
 const USUAL_CORRIDOR: usize = 5;
 
+/// Share of shared walls that get an arch rather than a door, where there is room for one.
+const ARCH_SHARE: f64 = 0.4;
+
 /// A way from a room to another: lattice cells, the first in the one and the last in the other.
 #[derive(Clone, Debug)]
 struct Way {
@@ -122,10 +125,13 @@ fn trace(seen: &BTreeMap<[i32; 2], ([i32; 2], usize)>, last: [i32; 2], goal: [i3
     cells
 }
 
-/// A door where two rooms share a wall.
+/// A door where two rooms share a wall, or a wide arch.
 fn dig_door(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
     let [a, b] = [way.cells[0], way.cells[1]];
     let axis = usize::from(a[0] == b[0]);
+    if rng.random_bool(ARCH_SHARE) && dig_arch(draft, a, b, axis, rng) {
+        return true;
+    }
     let width = draw_width(128, rng);
     let mut middle = centre(a);
     middle[axis] = a[axis].max(b[axis]) * BLOCK;
@@ -135,6 +141,17 @@ fn dig_door(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
     let Some(rect) = draft.bridge(middle, axis, width, reach_of(draft, a, b)) else { return false };
     let floor = meeting_floor(draft, a, b, rng);
     draft.carve(rect, floor, lintel(rng));
+    true
+}
+
+/// An opening two to four lattice cells wide, as high as a low room.
+fn dig_arch(draft: &mut Draft, a: [i32; 2], b: [i32; 2], axis: usize, rng: &mut Rng) -> bool {
+    let width = rng.random_range(4..=8) * 64;
+    let mut middle = centre(a);
+    middle[axis] = a[axis].max(b[axis]) * BLOCK;
+    let Some(rect) = draft.bridge(middle, axis, width, BLOCK) else { return false };
+    let floor = meeting_floor(draft, a, b, rng);
+    draft.carve(rect, floor, rng.random_range(12..=20) * 8);
     true
 }
 

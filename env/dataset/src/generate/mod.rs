@@ -132,6 +132,9 @@ pub fn generate(level: Level, seed: u64) -> Result<Generated, GenerateError> {
             Ok(()) => {
                 let Targets { area, complexity: target_complexity, .. } = targets;
                 let tries = attempt + 1;
+                if std::env::var("DBG").is_ok() {
+                    println!("{} rooms {} passages", draft.site.rooms.len(), draft.passages.len());
+                }
                 return Ok(Generated { map, scene, target_area: area, target_complexity, complexity, tries });
             }
         }

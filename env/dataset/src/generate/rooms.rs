@@ -8,6 +8,12 @@ use rand::seq::IndexedRandom as _;
 /// Side of a lattice cell, map units.
 pub(crate) const BLOCK: i32 = 128;
 
+/// Shapes that find no place before a site counts as full.
+const MAX_SHAPES: usize = 60;
+
+/// Places tried for a shape.
+const PLACES: usize = 60;
+
 /// A room.
 #[derive(Clone, Debug)]
 pub(crate) struct Room {
@@ -49,6 +55,8 @@ pub(crate) struct RoomStyle {
     pub(crate) side: f64,
     /// Standard deviation of the logarithm of the side.
     pub(crate) spread: f64,
+    /// Share of closets, one or two lattice cells a side.
+    pub(crate) closets: f64,
     /// Largest side, lattice cells.
     pub(crate) largest: i32,
     /// Probabilities of 0, 1, 2, 3 empty lattice cells between a new room and the one it is placed at.
@@ -78,24 +86,38 @@ impl Site {
     pub(crate) fn place_rooms(&mut self, target: f64, style: &RoomStyle, rng: &mut Rng) {
         let mut built = 0.0;
         let mut failures = 0;
-        while built < target && failures < 400 {
+        while built < target && failures < MAX_SHAPES {
             let shape = Shape::draw(style, rng);
-            let at = self.draw_place(shape.size, style, rng);
-            let blocks: Vec<[i32; 2]> = shape.blocks.iter().map(|b| [b[0] + at[0], b[1] + at[1]]).collect();
             let floor_area = area(&shape.polygon);
-            let overshoots = built + 0.5 * floor_area > target && failures < 200;
-            if overshoots || blocks.iter().any(|&b| self.owner(b) != Some(Owner::Nobody)) {
+            if built + 0.5 * floor_area > target {
                 failures += 1;
                 continue;
             }
-            failures = 0;
-            built += floor_area;
-            let number = self.rooms.len();
-            blocks.iter().for_each(|&b| self.claim(b, Owner::Room(number)));
-            let polygon = shape.polygon.iter().map(|p| [p[0] + at[0] * BLOCK, p[1] + at[1] * BLOCK]).collect();
-            let (floor, ceiling) = draw_heights(rng);
-            self.rooms.push(Room { polygon, blocks, floor, ceiling });
+            // Many places for a shape before the next: otherwise small rooms, which fit more easily, would take over.
+            match (0..PLACES).find_map(|_| self.free_place(&shape, style, rng)) {
+                Some(at) => {
+                    built += floor_area;
+                    self.add_room(&shape, at, rng);
+                }
+                None => failures += 1,
+            }
         }
+    }
+
+    /// A random place, if the shape's cells are free there.
+    fn free_place(&self, shape: &Shape, style: &RoomStyle, rng: &mut Rng) -> Option<[i32; 2]> {
+        let at = self.draw_place(shape.size, style, rng);
+        let is_free = |b: &[i32; 2]| self.owner([b[0] + at[0], b[1] + at[1]]) == Some(Owner::Nobody);
+        shape.blocks.iter().all(is_free).then_some(at)
+    }
+
+    fn add_room(&mut self, shape: &Shape, at: [i32; 2], rng: &mut Rng) {
+        let blocks: Vec<[i32; 2]> = shape.blocks.iter().map(|b| [b[0] + at[0], b[1] + at[1]]).collect();
+        let number = self.rooms.len();
+        blocks.iter().for_each(|&b| self.claim(b, Owner::Room(number)));
+        let polygon = shape.polygon.iter().map(|p| [p[0] + at[0] * BLOCK, p[1] + at[1] * BLOCK]).collect();
+        let (floor, ceiling) = draw_heights(rng);
+        self.rooms.push(Room { polygon, blocks, floor, ceiling });
     }
 
     /// A place beside a room that exists, or the middle for the first.
@@ -130,17 +152,22 @@ struct Shape {
 impl Shape {
     /// Rectangle 45 %, L or T 20 %, chamfered 15 %, octagon 10 %, rotated 10 %.
     fn draw(style: &RoomStyle, rng: &mut Rng) -> Self {
+        // Half of the wall towards a neighbour.
+        let inset = *[8, 8, 16, 16, 24].choose(rng).unwrap_or(&8);
+        if rng.random_bool(style.closets) {
+            let size = [0, 1].map(|_| rng.random_range(1..=2));
+            return Self::whole(size, chamfered(size, inset, if rng.random_bool(0.3) { 24 } else { 0 }));
+        }
         let mut side = || {
             let drawn = (style.side.ln() + style.spread * normal(rng)).exp().round() as i32;
             drawn.clamp(2, style.largest)
         };
         let size = [side(), side()];
-        // Half of the wall towards a neighbour.
-        let inset = *[8, 8, 16, 16, 24].choose(rng).unwrap_or(&8);
-        match draw_index(&[0.45, 0.2, 0.15, 0.1, 0.1], rng) {
+        match draw_index(&[0.08, 0.36, 0.26, 0.15, 0.15], rng) {
             1 => Self::corner_room(size.map(|s| s.max(3)), inset, rng),
             2 => {
-                let cut = CUTS.choose(rng).copied().unwrap_or(32);
+                let longest = (size[0].min(size[1]) * BLOCK - 2 * inset) * 2 / 5;
+                let cut = rng.random_range(6..=(longest / 8).max(6)) * 8;
                 Self::whole(size, chamfered(size, inset, cut))
             }
             3 => {
@@ -208,9 +235,6 @@ impl Shape {
         self.polygon.reverse();
     }
 }
-
-/// Lengths of cut corners, map units.
-const CUTS: [i32; 4] = [32, 48, 64, 80];
 
 fn block_list(size: [i32; 2], keep: impl Fn([i32; 2]) -> bool) -> Vec<[i32; 2]> {
     (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])).filter(|&b| keep(b)).collect()

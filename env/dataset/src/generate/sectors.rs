@@ -6,9 +6,6 @@ use crate::doom_map::{DoomMap, LineDef, Sector, SideDef, Thing, Vertex};
 use crate::triangulate::{TriangulateError, Triangulation};
 use std::collections::BTreeMap;
 
-/// Rounds of snapping crossings to whole map units; each moves lines by less than one unit.
-const MAX_ROUNDS: usize = 12;
-
 const TWO_SIDED: u16 = 4;
 const IMPASSABLE: u16 = 1;
 
@@ -18,7 +15,9 @@ const IMPASSABLE: u16 = 1;
 /// # Errors
 /// When the crossings of the outlines do not settle on whole map units.
 pub(crate) fn to_map(name: &str, pieces: &[Piece]) -> Result<DoomMap, TriangulateError> {
-    let plan = snapped_plan(pieces)?;
+    let outlines: Vec<_> = pieces.iter().flat_map(|piece| edges(&piece.polygon)).collect();
+    // Crossings are rounded to whole units: a WAD holds no others.
+    let plan = Triangulation::build(&outlines, 1)?;
     let tops = Tops::new(pieces);
     let air: Vec<Option<(i32, i32)>> = (0..plan.triangles.len()).map(|t| tops.air_at(plan.centroid(t))).collect();
     let mut sectors: BTreeMap<(i32, i32), u32> = air.iter().flatten().map(|&heights| (heights, 0)).collect();
@@ -59,38 +58,6 @@ pub(crate) fn to_map(name: &str, pieces: &[Piece]) -> Result<DoomMap, Triangulat
     }
     map.things = player_start(&plan, &air);
     Ok(map)
-}
-
-/// Triangulation of all outlines in which every corner has whole coordinates.
-fn snapped_plan(pieces: &[Piece]) -> Result<Triangulation, TriangulateError> {
-    let mut segments: Vec<[[i32; 2]; 2]> = pieces.iter().flat_map(|piece| edges(&piece.polygon)).collect();
-    for _ in 0..MAX_ROUNDS {
-        let mut points: Vec<[i32; 2]> = segments.iter().flatten().copied().collect();
-        points.sort_unstable();
-        points.dedup();
-        let index = |p: &[i32; 2]| points.partition_point(|q| q < p) as u32;
-        let mut pairs: Vec<[u32; 2]> = segments.iter().map(|[a, b]| [index(a), index(b)]).collect();
-        pairs.iter_mut().for_each(|pair| pair.sort_unstable());
-        pairs.sort_unstable();
-        pairs.dedup();
-        let corners: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::from)).collect();
-        let plan = Triangulation::build(&corners, &pairs)?;
-        if plan.points.iter().flatten().all(|c| c.fract() == 0.0) {
-            return Ok(plan);
-        }
-        let whole = |point: u32| plan.points[point as usize].map(|c| c.round() as i32);
-        segments.clear();
-        for triangle in 0..plan.triangles.len() {
-            for edge in (0..3).filter(|&edge| plan.is_constraint[triangle][edge]) {
-                let [a, b] = plan.edge(triangle, edge).map(whole);
-                if a != b && (a < b || plan.neighbours[triangle][edge].is_none()) {
-                    segments.push([a, b]);
-                }
-            }
-        }
-    }
-    let [x, y] = segments.first().map_or([0.0; 2], |[a, _]| a.map(f64::from));
-    Err(TriangulateError { x, y, reason: format!("crossings did not settle in {MAX_ROUNDS} rounds") })
 }
 
 /// Finds the topmost piece at a point.
