@@ -4,15 +4,16 @@
 //! map seen from above with `+z` up and `+x` left looks as it does in a map editor. The modal floor lies at `y = 0`, and
 //! the middle of the scene's plan at `x = z = 0` (rounded to map units).
 
+mod error;
 mod label;
 mod open;
 mod solid;
 
+pub use error::ConvertError;
 pub use label::{Conflict, LabelledPlan, label};
 pub use open::{OpenHeights, open_heights};
 
 use crate::doom_map::{DoomMap, HEIGHT_UNITS_PER_METRE, LATTICE_UNITS, UNITS_PER_METRE};
-use crate::triangulate::TriangulateError;
 use glam::{Vec2, Vec3};
 use nbp_env::pose::{CAMERA_HEIGHT, Lattice};
 use nbp_env::scene::settings::LATTICE_STEP;
@@ -35,73 +36,6 @@ const MAX_CONFLICT: f64 = 1.0;
 pub struct ConvertOptions {
     /// Convert maps whose sectors contradict each other over more than 1 m².
     pub force: bool,
-}
-
-/// Why a map does not become a scene.
-#[derive(Debug, thiserror::Error)]
-pub enum ConvertError {
-    /// The plan has no triangulation.
-    #[error("map {map}: {source}")]
-    Triangulate {
-        /// Map.
-        map: String,
-        /// Where.
-        source: TriangulateError,
-    },
-    /// No sector has a ceiling above its floor.
-    #[error(
-        "map {map}: no free space among {linedefs} linedefs and {sectors} sectors: every sector is closed or unbounded"
-    )]
-    NoSpace {
-        /// Map.
-        map: String,
-        /// Number of linedefs.
-        linedefs: usize,
-        /// Number of sectors.
-        sectors: usize,
-    },
-    /// Sectors that are not closed, or overlap.
-    #[error(
-        "map {map}: sectors contradict each other over {area:.1} m², {worst:.1} m² of it around ({x:.0}, {y:.0}) in sector \
-         {sector}: close the sector in a map editor, or convert with --force, which follows the longer border"
-    )]
-    Conflict {
-        /// Map.
-        map: String,
-        /// All of it, m².
-        area: f64,
-        /// The largest region, m².
-        worst: f64,
-        /// Map units.
-        x: f64,
-        /// Map units.
-        y: f64,
-        /// The sector it was given to, or "none".
-        sector: String,
-    },
-    /// The mesh is not valid.
-    #[error("map {map}: {source}")]
-    Mesh {
-        /// Map.
-        map: String,
-        /// What is wrong.
-        source: MeshError,
-    },
-    /// No lattice node in the camera plane.
-    #[error(
-        "map {map}: the camera plane, 1.65 m above the modal floor ({floor} map units), holds only {nodes} connected \
-         positions on the 1.5 m lattice; {need} are needed"
-    )]
-    NoRoom {
-        /// Map.
-        map: String,
-        /// Modal floor, map units.
-        floor: i32,
-        /// Positions found.
-        nodes: usize,
-        /// Positions needed.
-        need: usize,
-    },
 }
 
 /// What the conversion found, areas in m² of plan.

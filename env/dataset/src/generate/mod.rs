@@ -11,13 +11,13 @@ mod links;
 mod raster;
 mod rooms;
 mod sectors;
+mod shape;
 
 pub use level::Level;
 
-use crate::convert::{ConvertError, ConvertOptions, SceneBundle, convert};
-use crate::doom_map::{DoomMap, UNITS_PER_METRE};
+use crate::convert::{ConvertOptions, SceneBundle, convert};
+use crate::doom_map::{DoomMap, LATTICE_UNITS, UNITS_PER_METRE};
 use crate::navigation::Navigation;
-use crate::triangulate::TriangulateError;
 use draft::Draft;
 use level::Targets;
 use nbp_env::SeedTree;
@@ -33,6 +33,12 @@ const TRIES_PER_TARGET: u64 = 8;
 /// A map must be connected at the camera plane over this share of its floor.
 const MIN_PLANE_SHARE: f64 = 0.9;
 
+/// The same on the 1.5 m lattice, on which agents walk; doors must be hit by its lines.
+const MIN_LATTICE_SHARE: f64 = 0.85;
+
+/// Factor on the tolerances while only the raster's figures are known.
+const RASTER_SLACK: f64 = 1.15;
+
 /// Accepted distance from the target area, as a share.
 const AREA_TOLERANCE: f64 = 0.25;
 
@@ -41,41 +47,18 @@ const COMPLEXITY_TOLERANCE: f64 = 0.3;
 
 /// Why a map could not be generated.
 #[derive(Debug, thiserror::Error)]
-pub enum GenerateError {
-    /// No draft was near enough to the targets.
-    #[error(
-        "{level} map of seed {seed}: none of {tries} drafts was accepted, the last because {last}; choose another seed"
-    )]
-    NotAccepted {
-        /// Level.
-        level: Level,
-        /// Seed.
-        seed: u64,
-        /// Drafts made.
-        tries: u64,
-        /// In words.
-        last: String,
-    },
-    /// The union of the pieces failed.
-    #[error("{level} map of seed {seed}: {source}")]
-    Triangulate {
-        /// Level.
-        level: Level,
-        /// Seed.
-        seed: u64,
-        /// Where.
-        source: TriangulateError,
-    },
-    /// The converter refused the map.
-    #[error("{level} map of seed {seed}: {source}")]
-    Convert {
-        /// Level.
-        level: Level,
-        /// Seed.
-        seed: u64,
-        /// Why.
-        source: ConvertError,
-    },
+#[error(
+    "{level} map of seed {seed}: none of {tries} drafts was accepted, the last because {last}; choose another seed"
+)]
+pub struct GenerateError {
+    /// Level.
+    pub level: Level,
+    /// Seed.
+    pub seed: u64,
+    /// Drafts made.
+    pub tries: u64,
+    /// Why the last one was not accepted.
+    pub last: String,
 }
 
 /// A generated map with its scene and what it was to be.
@@ -106,40 +89,36 @@ pub fn generate(level: Level, seed: u64) -> Result<Generated, GenerateError> {
     for attempt in 0..MAX_TRIES {
         let targets = level.draw_targets(&mut root.child("targets", attempt / TRIES_PER_TARGET).rng());
         let (draft, near_complexity) = draft(&targets, root.child("draft", attempt));
-        let free = draft.raster.free_cells() as f64 * f64::from(raster::CELL * raster::CELL) / UNITS_PER_METRE.powi(2);
-        // The raster's figures are near the exact ones: far drafts are dropped before the triangulation.
-        if let Err(reason) = check(&targets, free * 1.02, near_complexity, 1.15) {
-            last = reason;
-            continue;
-        }
-        let map = sectors::to_map(&name, &draft.pieces()).map_err(|source| GenerateError::Triangulate {
-            level,
-            seed,
-            source,
-        })?;
-        let scene = convert(&map, ConvertOptions::default()).map_err(|source| GenerateError::Convert {
-            level,
-            seed,
-            source,
-        })?;
-        let complexity = complexity_of(&scene);
-        let share = scene.report.plane_area / scene.report.map_area;
-        match check(&targets, scene.report.floor_area, complexity, 1.0) {
+        match finish(&name, &targets, &draft, near_complexity) {
+            Ok(done) => return Ok(Generated { tries: attempt + 1, ..done }),
             Err(reason) => last = reason,
-            Ok(()) if share < MIN_PLANE_SHARE => {
-                last = format!("only {:.0} % of its floor are connected at the camera plane", 100.0 * share);
-            }
-            Ok(()) => {
-                let Targets { area, complexity: target_complexity, .. } = targets;
-                let tries = attempt + 1;
-                if std::env::var("DBG").is_ok() {
-                    println!("{} rooms {} passages", draft.site.rooms.len(), draft.passages.len());
-                }
-                return Ok(Generated { map, scene, target_area: area, target_complexity, complexity, tries });
-            }
         }
     }
-    Err(GenerateError::NotAccepted { level, seed, tries: MAX_TRIES, last })
+    Err(GenerateError { level, seed, tries: MAX_TRIES, last })
+}
+
+/// Converts a draft and accepts it, or says why not.
+fn finish(name: &str, targets: &Targets, draft: &Draft, near_complexity: f64) -> Result<Generated, String> {
+    // The raster's figures are near the exact ones: far drafts are dropped before the triangulation.
+    let cell = f64::from(raster::CELL) / UNITS_PER_METRE;
+    check(targets, draft.raster.free_cells() as f64 * cell * cell, near_complexity, RASTER_SLACK)?;
+    let map = sectors::to_map(name, &draft.pieces()).map_err(|error| error.to_string())?;
+    let scene = convert(&map, ConvertOptions::default()).map_err(|error| error.to_string())?;
+    let graph = LatticeGraph::build(scene.lattice(), &RayIndex::build(&scene.mesh));
+    let complexity = Navigation::of(&graph).complexity().ratio;
+    let report = &scene.report;
+    check(targets, report.floor_area, complexity, 1.0)?;
+    let on_lattice = report.nodes as f64 * (LATTICE_UNITS / UNITS_PER_METRE).powi(2);
+    for (what, area, least) in [
+        ("connected at the camera plane", report.plane_area, MIN_PLANE_SHARE),
+        ("connected on the lattice", on_lattice, MIN_LATTICE_SHARE),
+    ] {
+        if area < least * report.map_area {
+            return Err(format!("only {area:.0} m² of its {:.0} m² are {what}", report.map_area));
+        }
+    }
+    let (target_area, target_complexity) = (targets.area, targets.complexity);
+    Ok(Generated { map, scene, target_area, target_complexity, complexity, tries: 1 })
 }
 
 /// One draft and the largest ratio among its near pairs.
@@ -167,7 +146,67 @@ fn check(targets: &Targets, area: f64, complexity: f64, slack: f64) -> Result<()
     Ok(())
 }
 
-fn complexity_of(scene: &SceneBundle) -> f64 {
-    let graph = LatticeGraph::build(scene.lattice(), &RayIndex::build(&scene.mesh));
-    Navigation::of(&graph).complexity().ratio
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::to_scene;
+    use crate::write::obj;
+    use glam::Vec3;
+    use rand::RngExt as _;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes() {
+        for level in [Level::Simple, Level::Hard] {
+            let [a, b] = [(), ()].map(|()| generate(level, 11).unwrap());
+            assert_eq!(a.map, b.map);
+            assert_eq!(obj(&a.scene), obj(&b.scene));
+            assert_eq!(a.scene.settings, b.scene.settings);
+        }
+        assert_ne!(generate(Level::Simple, 1).unwrap().map.vertices, generate(Level::Simple, 2).unwrap().map.vertices);
+    }
+
+    #[test]
+    fn maps_keep_to_their_targets() {
+        for (level, seeds) in [(Level::Simple, 12), (Level::Normal, 6), (Level::Hard, 3), (Level::Insane, 2)] {
+            for seed in 0..seeds {
+                let made = generate(level, seed).unwrap();
+                let report = &made.scene.report;
+                assert!((report.floor_area / made.target_area - 1.0).abs() <= AREA_TOLERANCE, "{level} {seed}");
+                let off = (made.complexity / made.target_complexity - 1.0).abs();
+                assert!(off <= COMPLEXITY_TOLERANCE, "{level} {seed}: {off}");
+                assert!(report.plane_area >= MIN_PLANE_SHARE * report.map_area);
+                assert_eq!(report.conflict_area, 0.0, "sectors are closed by construction");
+                let starts = &made.scene.settings.camera.start_positions;
+                let distinct: std::collections::BTreeSet<_> = starts.iter().map(|s| (s[0], s[2])).collect();
+                assert_eq!(distinct.len(), 5);
+                assert!(starts.iter().all(|s| s[1] == 0 && s[3] == 2));
+            }
+        }
+    }
+
+    #[test]
+    fn meshes_are_closed_and_face_the_free_space() {
+        for seed in 0..4 {
+            let scene = generate(Level::Normal, seed).unwrap().scene;
+            let mut balance: BTreeMap<(u32, u32), i32> = BTreeMap::new();
+            for &[a, b, c] in scene.mesh.triangles() {
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    *balance.entry((from.min(to), from.max(to))).or_default() += if from < to { 1 } else { -1 };
+                }
+            }
+            assert!(balance.values().all(|&edge| edge == 0), "every edge is run both ways equally often");
+            let scene = to_scene(scene).unwrap();
+            let mut rng = SeedTree::new(seed).rng();
+            for &node in scene.graph().largest_component() {
+                for _ in 0..50 {
+                    let direction = [(); 3].map(|()| rng.random_range(-1.0..1.0_f32));
+                    let (origin, direction) = (scene.lattice().position(node), Vec3::from(direction));
+                    let hit = scene.rays().nearest(origin, direction, f32::INFINITY);
+                    let [a, b, c] = scene.mesh().corners(hit.expect("a ray escaped").triangle as usize);
+                    assert!((b - a).cross(c - a).dot(direction) <= 1e-3, "seen from its free side");
+                }
+            }
+        }
+    }
 }

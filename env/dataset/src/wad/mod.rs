@@ -2,7 +2,13 @@
 //!
 //! Everything is bounds-checked. An error names the lump and the byte offset in the file.
 
-use crate::doom_map::{DoomMap, LineDef, Sector, SideDef, Thing, Vertex};
+mod map;
+mod write;
+
+pub use write::to_bytes;
+
+use crate::doom_map::DoomMap;
+use map::MapReader;
 use std::path::{Path, PathBuf};
 
 /// Largest file that is read.
@@ -106,6 +112,16 @@ pub enum WadError {
         map: String,
         /// Which.
         format: &'static str,
+    },
+    /// A map that the format cannot hold.
+    #[error("map {map}, lump {lump}: {problem}")]
+    TooLargeForWad {
+        /// Map.
+        map: String,
+        /// Lump.
+        lump: &'static str,
+        /// In words.
+        problem: String,
     },
     /// The map asked for does not exist.
     #[error("there is no map {map}; the WAD has {available}")]
@@ -217,104 +233,104 @@ impl Wad {
     }
 }
 
-struct MapReader<'a> {
-    bytes: &'a [u8],
-    members: Vec<&'a Lump>,
-    map: String,
-    marker: usize,
-}
-
-impl MapReader<'_> {
-    fn read(&self) -> Result<DoomMap, WadError> {
-        let vertices =
-            self.records("VERTEXES", 4, |r| Ok(Vertex { x: i32::from(r.i16(0)), y: i32::from(r.i16(2)) }))?;
-        let sectors = self.records("SECTORS", 26, |r| {
-            let flat: Vec<u8> = r.0.get(12..20).unwrap_or_default().to_ascii_uppercase();
-            Ok(Sector {
-                floor: i32::from(r.i16(0)),
-                ceiling: i32::from(r.i16(2)),
-                is_sky: flat.starts_with(b"F_SKY"),
-                special: r.u16(22),
-                tag: r.u16(24),
-            })
-        })?;
-        let sidedefs = self.records("SIDEDEFS", 30, |r| {
-            let sector = r.u16(28);
-            below("sector", sector, sectors.len())?;
-            Ok(SideDef { sector: u32::from(sector) })
-        })?;
-        let linedefs = self.records("LINEDEFS", 14, |r| {
-            let side = |at| {
-                let side = r.u16(at);
-                (side != NO_SIDE).then(|| below("sidedef", side, sidedefs.len()).map(|()| u32::from(side))).transpose()
-            };
-            below("vertex", r.u16(0), vertices.len())?;
-            below("vertex", r.u16(2), vertices.len())?;
-            Ok(LineDef {
-                from: u32::from(r.u16(0)),
-                to: u32::from(r.u16(2)),
-                flags: r.u16(4),
-                special: r.u16(6),
-                tag: r.u16(8),
-                front: side(10)?,
-                back: side(12)?,
-            })
-        })?;
-        let things = self.records("THINGS", 10, |r| {
-            let [x, y] = [0, 2].map(|at| i32::from(r.i16(at)));
-            Ok(Thing { x, y, angle: r.u16(4), kind: r.u16(6), flags: r.u16(8) })
-        })?;
-        Ok(DoomMap { name: self.map.clone(), vertices, linedefs, sidedefs, sectors, things })
-    }
-
-    fn records<T>(
-        &self,
-        lump: &'static str,
-        size: usize,
-        read: impl Fn(Record<'_>) -> Result<T, String>,
-    ) -> Result<Vec<T>, WadError> {
-        let Some(found) = self.members.iter().find(|member| member.name == lump) else {
-            return Err(WadError::MissingLump { map: self.map.clone(), lump, index: self.marker });
-        };
-        let fail = |record: usize, problem: String| WadError::Record {
-            map: self.map.clone(),
-            lump,
-            record,
-            offset: found.offset + record * size,
-            problem,
-        };
-        let bytes = self.bytes.get(found.offset..found.offset + found.size).unwrap_or_default();
-        let rest = found.size % size;
-        if rest != 0 {
-            let problem =
-                format!("{rest} bytes are left over; a record has {size}, so the lump is cut short or damaged");
-            return Err(fail(found.size / size, problem));
-        }
-        let records = bytes.chunks_exact(size).enumerate();
-        records.map(|(n, chunk)| read(Record(chunk)).map_err(|problem| fail(n, problem))).collect()
-    }
-}
-
-struct Record<'a>(&'a [u8]);
-
-impl Record<'_> {
-    fn u16(&self, at: usize) -> u16 {
-        self.0.get(at..at + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]))
-    }
-
-    fn i16(&self, at: usize) -> i16 {
-        self.u16(at) as i16
-    }
-}
-
-fn below(what: &str, index: u16, count: usize) -> Result<(), String> {
-    if usize::from(index) < count {
-        Ok(())
-    } else {
-        Err(format!("it names {what} {index}, but there are only {count}"))
-    }
-}
-
 fn read_i32(bytes: &[u8], at: usize) -> Option<i32> {
     bytes.get(at..at + 4).map(|b| i32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::convert::{ConvertOptions, convert};
+    use crate::generate::{Level, generate};
+    use proptest::prelude::*;
+
+    fn example() -> (DoomMap, Vec<u8>) {
+        let map = generate(Level::Simple, 3).unwrap().map;
+        let bytes = to_bytes(&map, "MAP01").unwrap();
+        (map, bytes)
+    }
+
+    #[test]
+    fn a_written_map_reads_as_it_was() {
+        let (map, bytes) = example();
+        let wad = Wad::parse(bytes).unwrap();
+        assert_eq!(wad.maps(), ["MAP01"]);
+        assert_eq!(wad.map("map01").unwrap(), DoomMap { name: "MAP01".into(), ..map });
+    }
+
+    #[test]
+    fn errors_say_what_and_where() {
+        let (_, bytes) = example();
+        let message = |bytes: &[u8]| {
+            let wad = Wad::parse(bytes.to_vec());
+            wad.and_then(|wad| wad.map("MAP01").map(|_| ())).unwrap_err().to_string()
+        };
+        assert!(message(b"").contains("not a WAD"));
+        assert!(message(b"PK\x03\x04rest").contains("IWAD or PWAD"));
+        assert!(message(&bytes[..9]).contains("cut short"));
+        assert!(message(&bytes[..bytes.len() - 1]).contains("directory"));
+        let directory = read_i32(&bytes, 8).unwrap() as usize;
+        let entry = |name: &str| {
+            let at = (directory..bytes.len()).step_by(ENTRY).find(|&at| bytes[at + 8..].starts_with(name.as_bytes()));
+            let at = at.unwrap();
+            (at, read_i32(&bytes, at).unwrap() as usize)
+        };
+        let (at, lump) = entry("LINEDEFS");
+        let mut broken = bytes.clone();
+        broken[lump + 14..lump + 16].copy_from_slice(&[0xfe, 0xff]);
+        let text = message(&broken);
+        assert!(text.contains("LINEDEFS, record 1") && text.contains(&format!("byte {}", lump + 14)), "{text}");
+        assert!(text.contains("vertex 65534"), "{text}");
+        broken = bytes.clone();
+        broken[at + 4] = broken[at + 4].wrapping_sub(1);
+        assert!(message(&broken).contains("left over"), "{}", message(&broken));
+        broken[at + 4..at + 8].copy_from_slice(&i32::MAX.to_le_bytes());
+        assert!(message(&broken).contains("lump LINEDEFS (directory entry 2)"), "{}", message(&broken));
+        broken = bytes.clone();
+        broken[entry("SECTORS").0 + 8] = b'X';
+        assert!(message(&broken).contains("no SECTORS lump"), "{}", message(&broken));
+        broken = bytes.clone();
+        broken[entry("SECTORS").0 + 8..][..8].copy_from_slice(b"BEHAVIOR");
+        assert!(message(&broken).contains("Hexen"));
+        let error = Wad::parse(bytes).unwrap().map("MAP07").unwrap_err().to_string();
+        assert!(error.contains("MAP07") && error.contains("MAP01"), "{error}");
+    }
+
+    fn use_all(bytes: Vec<u8>) {
+        if let Ok(wad) = Wad::parse(bytes) {
+            for name in wad.maps() {
+                // Only that it returns matters here.
+                drop(wad.map(name).map(|map| convert(&map, ConvertOptions { force: true })));
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        #[test]
+        fn random_bytes_never_panic(body in prop::collection::vec(any::<u8>(), 0..400)) {
+            use_all(body.clone());
+            use_all([b"IWAD".as_slice(), &body].concat());
+            use_all([b"PWAD\x03\0\0\0\x0c\0\0\0".as_slice(), &body].concat());
+        }
+
+        #[test]
+        fn damaged_maps_never_panic(
+            hits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
+            cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
+        ) {
+            let mut bytes = EXAMPLE.with(Clone::clone);
+            for (at, value) in hits {
+                let at = at.index(bytes.len());
+                bytes[at] = value;
+            }
+            bytes.truncate(cut.map_or(bytes.len(), |cut| cut.index(bytes.len())));
+            use_all(bytes);
+        }
+    }
+
+    thread_local! {
+        static EXAMPLE: Vec<u8> = example().1;
+    }
 }
