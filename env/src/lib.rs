@@ -20,6 +20,7 @@ pub mod path;
 pub mod policy;
 
 pub mod episode;
+pub mod explain;
 pub mod parallel;
 pub mod label;
 pub mod metrics;

@@ -13,7 +13,7 @@ pub const VALUE_STRIDE: usize = 4;
 
 /// Size and range of a window (paper: 256 pixels over 40 m).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct WindowSize {
     /// Side in pixels, a multiple of 16.
     pub pixels: usize,

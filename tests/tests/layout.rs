@@ -57,14 +57,9 @@ fn toml_of(text: &str) -> nbp_train::config::Config {
 
 #[test]
 fn help_shows_examples() {
-    for (program, arguments) in [
-        ("train", &["--help"][..]),
-        ("infer", &["rollout", "--help"]),
-        ("infer", &["eval", "--help"]),
-        ("dataset", &["generate", "--help"]),
-        ("dataset", &["convert", "--help"]),
-    ] {
-        let help = succeed(program, arguments);
-        assert!(help.contains(&format!("cargo run -p {program}")), "{program} {arguments:?}\n{help}");
+    for program in ["train", "infer", "dataset"] {
+        let help = succeed(program, &["--help"]);
+        let (_, examples) = help.split_once("Examples:").unwrap();
+        assert!(examples.lines().filter(|line| line.contains(program)).count() >= 2, "{help}");
     }
 }

@@ -1,5 +1,6 @@
 //! The training configuration: TOML files stacked left to right, single settings on top.
 
+use nbp_dataset::generate::Level;
 use nbp_env::goal::GoalRule;
 use nbp_env::policy::nbp::NbpConfig;
 use nbp_env::{Heading, SimConfig};
@@ -282,6 +283,9 @@ impl Config {
         let schema = |reason: String| ConfigError::Schema { origin: "checked values".into(), reason };
         self.sim.validate().map_err(|e| schema(e.to_string()))?;
         self.net_config().check().map_err(|e| schema(e.to_string()))?;
+        for set in [&self.scenes.train, &self.scenes.held_out] {
+            set.level.parse::<Level>().map_err(|reason| schema(format!("scenes: {reason}")))?;
+        }
         let train = &self.train;
         let is_share = |v: f32| (0.0..=1.0).contains(&v);
         let beta = match self.collect.policy.goal {

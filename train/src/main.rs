@@ -2,6 +2,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use clap::Parser;
+use nbp_env::explain::told_once;
 use nbp_model::{DeviceChoice, Nbp, weights};
 use nbp_train::checkpoint::{self, Progress};
 use nbp_train::config::{self, Config};
@@ -64,7 +65,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Complete) => ExitCode::SUCCESS,
         Ok(Outcome::Interrupted) => ExitCode::from(130),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", told_once(error.chain().map(ToString::to_string)));
             ExitCode::FAILURE
         }
     }
@@ -158,26 +159,21 @@ fn configure(arguments: &Arguments) -> Result<(Config, String)> {
 
 /// Makes the run's folder, or checks that it was made for this configuration.
 fn prepare(folder: &Path, config: &Config) -> Result<()> {
+    let unwritable = || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
+    let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
+    made.with_context(unwritable)?;
     let path = folder.join("config.toml");
-    match fs::read_to_string(&path) {
-        Ok(text) => {
-            let before: Config = toml::from_str(&text).with_context(|| format!("reading {}", path.display()))?;
-            let differences = before.differences(config);
-            if !differences.is_empty() {
-                bail!(
-                    "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
-                    folder.display(),
-                    differences.join("; ")
-                );
-            }
-        }
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
-            made.with_context(|| format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display()))?;
-            weights::write_atomic(&path, config.to_toml()?.as_bytes())
-                .with_context(|| format!("writing {}", path.display()))?;
-        }
-        Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+    if !path.exists() {
+        return weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable);
+    }
+    let before = Config::load(std::slice::from_ref(&path), &[])?;
+    let differences = before.differences(config);
+    if !differences.is_empty() {
+        bail!(
+            "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
+            folder.display(),
+            differences.join("; ")
+        );
     }
     Ok(())
 }
