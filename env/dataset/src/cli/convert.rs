@@ -5,7 +5,9 @@ use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
 use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const EXAMPLES: &str = "Examples:
   dataset convert freedoom2.wad --maps MAP01,MAP07 --out data/freedoom
@@ -34,31 +36,51 @@ pub(crate) struct Args {
     replace: bool,
 }
 
-/// What became of one map or one file.
+/// One map to convert.
+struct Job {
+    path: PathBuf,
+    wad: Arc<Wad>,
+    map: String,
+    /// Of the scene.
+    name: String,
+}
+
+/// What became of one map.
 type Outcome = std::result::Result<SceneBundle, String>;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let files = wad_files(&args.wads)?;
-    let mut jobs: Vec<(Wad, String, String)> = Vec::new();
+    let mut jobs: Vec<Job> = Vec::new();
     let mut refused: Vec<String> = Vec::new();
+    let mut names = BTreeSet::new();
     for path in &files {
-        match Wad::open(path) {
-            Ok(wad) => {
-                let available: Vec<String> = wad.maps().iter().map(ToString::to_string).collect();
-                let maps = if args.maps.is_empty() { &available } else { &args.maps };
-                if maps.is_empty() {
-                    refused.push(format!("{}: the WAD holds no map", path.display()));
-                }
-                for map in maps {
-                    jobs.push((wad.clone(), map.to_ascii_uppercase(), scene_name(path, map, available.len())));
-                }
+        let wad = match Wad::open(path) {
+            Ok(wad) => Arc::new(wad),
+            Err(error) => {
+                refused.push(format!("{}: {error}", path.display()));
+                continue;
             }
-            Err(error) => refused.push(format!("{}: {error}", path.display())),
+        };
+        let available: Vec<String> = wad.maps().iter().map(ToString::to_string).collect();
+        let maps = if args.maps.is_empty() { &available } else { &args.maps };
+        if maps.is_empty() {
+            refused.push(format!("{}: the WAD holds no map", path.display()));
+        }
+        for map in maps {
+            let name = scene_name(path, map, available.len());
+            if names.insert(name.clone()) {
+                jobs.push(Job { path: path.clone(), wad: Arc::clone(&wad), map: map.clone(), name });
+            } else {
+                refused.push(format!(
+                    "{}: its scene would be called {name}, like another: rename the file",
+                    path.display()
+                ));
+            }
         }
     }
     let bar = bar(jobs.len(), "converting");
-    let one = |(wad, map, name): &(Wad, String, String)| -> Outcome {
-        let done = convert_one(wad, map, name, args).map_err(|error| format!("{name}: {error:#}"));
+    let one = |job: &Job| -> Outcome {
+        let done = convert_one(job, args).map_err(|error| format!("{}: {error:#}", job.path.display()));
         bar.inc(1);
         done
     };
@@ -83,9 +105,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn convert_one(wad: &Wad, map: &str, name: &str, args: &Args) -> Result<SceneBundle> {
-    let mut map = wad.map(map)?;
-    map.name = name.into();
+fn convert_one(job: &Job, args: &Args) -> Result<SceneBundle> {
+    let mut map = job.wad.map(&job.map)?;
+    map.name.clone_from(&job.name);
     let scene = convert(&map, ConvertOptions { force: args.force })?;
     write_scene(&scene, &args.out, args.replace)?;
     Ok(scene)

@@ -1,8 +1,8 @@
 //! `dataset generate`.
 
 use super::{Column, bar, print_table};
-use anyhow::{Context as _, Result, bail};
-use nbp_dataset::{Generated, Level, batch_seed, generate, write_scene};
+use anyhow::{Result, bail};
+use nbp_dataset::{Generated, Level, WriteError, batch_seed, generate, write_scene};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -40,20 +40,26 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.count == 0 {
         bail!("--count is 0: nothing to generate");
     }
+    let name_of = |number: u64| format!("{}_{}_{number:03}", args.level, args.seed);
+    let parent_of = |number: u64| match args.split {
+        true if number * 10 < args.count * 7 => args.out.join("train"),
+        true => args.out.join("test"),
+        false => args.out.clone(),
+    };
+    // Before the work rather than after it.
+    let existing = (0..args.count).map(|n| parent_of(n).join(name_of(n))).find(|folder| folder.exists());
+    if let (Some(folder), false) = (existing, args.replace) {
+        return Err(WriteError::Exists(folder).into());
+    }
     let bar = bar(args.count as usize, "generating");
     let one = |number: u64| -> Result<Generated> {
         let mut generated = generate(args.level, batch_seed(args.seed, number))?;
-        generated.scene.name = format!("{}_{}_{number:03}", args.level, args.seed);
-        let parent = match args.split {
-            true if number * 10 < args.count * 7 => args.out.join("train"),
-            true => args.out.join("test"),
-            false => args.out.clone(),
-        };
-        write_scene(&generated.scene, &parent, args.replace)?;
+        generated.scene.name = name_of(number);
+        write_scene(&generated.scene, &parent_of(number), args.replace)?;
         bar.inc(1);
         Ok(generated)
     };
-    let scenes: Vec<Generated> = (0..args.count).into_par_iter().map(one).collect::<Result<_>>().context("generate")?;
+    let scenes: Vec<Generated> = (0..args.count).into_par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
     let names: Vec<&str> = scenes.iter().map(|s| s.scene.name.as_str()).collect();
     print_table(&names, &scenes, &COLUMNS);

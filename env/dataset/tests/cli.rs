@@ -1,0 +1,105 @@
+//! The binary: what it writes, how it refuses, how it exits.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn dataset(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dataset")).args(args).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(files(&path));
+        } else {
+            found.push((path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn generate_does_not_depend_on_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, two] = ["one", "two"].map(|name| folder.path().join(name));
+    for (out, threads) in [(&one, "1"), (&two, "2")] {
+        let out = out.to_str().unwrap();
+        let args = ["generate", "--level", "simple", "--count", "4", "--seed", "9", "--out", out, "--threads", threads];
+        let done = dataset(&args);
+        assert!(done.status.success(), "{}", stderr(&done));
+        assert!(String::from_utf8_lossy(&done.stdout).contains("mean ± sd"));
+    }
+    let written = files(&one);
+    assert_eq!(written.len(), 12);
+    assert!(written == files(&two));
+}
+
+#[test]
+fn split_and_stats() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("set");
+    let args = ["generate", "--level", "simple", "--count", "5", "--out", out.to_str().unwrap(), "--split"];
+    assert!(dataset(&args).status.success());
+    let count = |part: &str| std::fs::read_dir(out.join(part)).unwrap().count();
+    assert_eq!((count("train"), count("test")), (4, 1));
+    let json = folder.path().join("stats.json");
+    let measured = dataset(&["stats", out.to_str().unwrap(), "--json", json.to_str().unwrap()]);
+    assert!(measured.status.success(), "{}", stderr(&measured));
+    let parsed: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+    assert_eq!(parsed.as_array().unwrap().len(), 5);
+    assert!(parsed[0]["complexity"].as_f64().unwrap() > 1.0);
+    let again = dataset(&args);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(stderr(&again).contains("--replace"), "{}", stderr(&again));
+}
+
+#[test]
+fn refusals_are_clear() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    std::fs::write(path("text.wad"), "hello").unwrap();
+    let (out, file) = (path("out"), path("file"));
+    std::fs::write(&file, "").unwrap();
+    for (args, code, want) in [
+        (vec!["convert", &path("text.wad"), "--out", &out], 1, "not a WAD file"),
+        (vec!["convert", &path("none.wad"), "--out", &out], 1, "none.wad"),
+        (vec!["stats", &path("nowhere")], 1, "nowhere"),
+        (vec!["generate", "--level", "simple", "--out", &format!("{file}/below")], 1, "cannot write"),
+        (vec!["generate", "--level", "easy", "--out", &out], 2, "simple, normal, hard or insane"),
+        (vec!["generate", "--out", &out], 2, "--level"),
+    ] {
+        let done = dataset(&args);
+        assert_eq!(done.status.code(), Some(code), "{args:?}: {}", stderr(&done));
+        assert!(stderr(&done).contains(want), "{args:?}: {}", stderr(&done));
+        assert!(!stderr(&done).contains("panicked"), "{args:?}");
+    }
+    let help = dataset(&["convert", "--help"]);
+    assert!(help.status.success() && String::from_utf8_lossy(&help.stdout).contains("Examples:"));
+}
+
+#[test]
+fn generated_maps_pass_through_a_wad() {
+    use nbp_dataset::{Level, generate, scene_from_wad, wad::to_bytes};
+    let folder = tempfile::tempdir().unwrap();
+    let wads = folder.path().join("wads");
+    std::fs::create_dir(&wads).unwrap();
+    let made = generate(Level::Simple, 4).unwrap();
+    let path = wads.join("made.wad");
+    std::fs::write(&path, to_bytes(&made.map, "MAP01").unwrap()).unwrap();
+    std::fs::write(wads.join("broken.wad"), b"PWAD").unwrap();
+    let out = folder.path().join("out");
+    let done = dataset(&["convert", wads.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert_eq!(done.status.code(), Some(0), "one map is enough: {}", stderr(&done));
+    assert!(stderr(&done).contains("refused") && stderr(&done).contains("broken.wad"), "{}", stderr(&done));
+    let scene = scene_from_wad(&path, None).unwrap();
+    assert_eq!(scene.name(), "made");
+    assert_eq!(scene.mesh(), &made.scene.mesh);
+    assert!(scene_from_wad(&path, Some("E1M1")).unwrap_err().to_string().contains("E1M1"));
+}
