@@ -1,25 +1,22 @@
 //! Finished episodes on disk, one JSON line each, written as they finish: what a second call takes over from the first.
 //!
 //! Every line carries a fingerprint of all that the episode depends on besides its key: scene, settings and, for policies
-//! that ask it, network. A line with another fingerprint is left alone and not used.
+//! that ask it, network. A line with another fingerprint is left alone and not used, so one file serves many evaluations.
 
 use crate::checkpoint::Settings;
 use crate::eval::EvalConfig;
 use crate::registry::PolicyKind;
 use crate::rollout::EpisodeRecord;
 use nbp_env::{SeedTree, World};
-use nbp_model::weights::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// All episodes of a finished evaluation.
-pub const EPISODES: &str = "episodes.jsonl";
-/// Those of one under way.
-pub const PARTIAL: &str = "episodes.partial.jsonl";
+/// Name of the file in an evaluation's folder.
+pub const FILE: &str = "journal.jsonl";
 
 #[derive(Serialize, Deserialize)]
 struct Line<R> {
@@ -69,9 +66,8 @@ fn hash(bytes: &[u8]) -> u64 {
     SeedTree::new(folded).key()
 }
 
-/// The journal of an evaluation in a folder.
+/// The journal of the evaluations in a folder.
 pub struct Journal {
-    folder: PathBuf,
     fingerprints: Fingerprints,
     file: Mutex<File>,
 }
@@ -82,9 +78,8 @@ impl Journal {
     /// # Errors
     /// When the folder cannot be read or written.
     pub fn open(folder: &Path, fingerprints: Fingerprints) -> io::Result<(Self, Vec<EpisodeRecord>)> {
-        let (finished, _) = read(&folder.join(EPISODES))?;
-        let path = folder.join(PARTIAL);
-        let (partial, is_torn) = read(&path)?;
+        let path = folder.join(FILE);
+        let (lines, is_torn) = read(&path)?;
         let mut file = OpenOptions::new().create(true).append(true).open(path)?;
         if is_torn {
             // A crash left half a line: what follows must not become its end.
@@ -93,8 +88,8 @@ impl Journal {
         let good = |line: Line<EpisodeRecord>| {
             (fingerprints.of(&line.record).as_ref() == Some(&line.fingerprint)).then_some(line.record)
         };
-        let records = finished.into_iter().chain(partial).filter_map(good).collect();
-        Ok((Self { folder: folder.to_owned(), fingerprints, file: Mutex::new(file) }, records))
+        let records = lines.into_iter().filter_map(good).collect();
+        Ok((Self { fingerprints, file: Mutex::new(file) }, records))
     }
 
     /// Writes down a finished episode.
@@ -106,17 +101,6 @@ impl Journal {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line.as_bytes())?;
         file.flush()
-    }
-
-    /// Replaces the journal by the finished evaluation.
-    ///
-    /// # Errors
-    /// When the folder cannot be written; the journal stays.
-    pub fn finish(self, episodes: &[EpisodeRecord]) -> io::Result<()> {
-        let lines: io::Result<String> = episodes.iter().map(|record| self.line(record)).collect();
-        write_atomic(&self.folder.join(EPISODES), lines?.as_bytes())?;
-        drop(self.file);
-        fs::remove_file(self.folder.join(PARTIAL))
     }
 
     fn line(&self, record: &EpisodeRecord) -> io::Result<String> {
@@ -153,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn episodes_survive_a_crash_and_a_finish() {
+    fn episodes_survive_a_crash() {
         let dir = tempfile::tempdir().unwrap();
         let prints = fingerprints(&Settings::default(), b"w");
         let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
@@ -161,19 +145,15 @@ mod tests {
         journal.append(&record("fbe", 0)).unwrap();
         journal.append(&record("nbp", 1)).unwrap();
         drop(journal);
-        let partial = dir.path().join(PARTIAL);
-        let text = fs::read_to_string(&partial).unwrap();
-        fs::write(&partial, &text[..text.len() - 30]).unwrap();
+        let file = dir.path().join(FILE);
+        let text = fs::read_to_string(&file).unwrap();
+        fs::write(&file, &text[..text.len() - 30]).unwrap();
 
         let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
         assert_eq!(records, [record("fbe", 0)]);
         journal.append(&record("fbe", 2)).unwrap();
         drop(journal);
-        let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
-        assert_eq!(records, [record("fbe", 0), record("fbe", 2)]);
-        journal.finish(&records).unwrap();
-        assert!(!partial.exists());
-        assert_eq!(Journal::open(dir.path(), prints).unwrap().1, records);
+        assert_eq!(Journal::open(dir.path(), prints).unwrap().1, [record("fbe", 0), record("fbe", 2)]);
     }
 
     #[test]

@@ -121,8 +121,8 @@ fn draw_legend(svg: &mut String, series: &[Series]) {
     order.sort_by(|a, b| last(b).total_cmp(&last(a)));
     let longest = series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
     let width = 7.6 * longest as f64 + 178.0;
-    // Low coverage comes early, so the lower right corner is free.
-    let (left, top) = (AXES[2] - width - 10.0, AXES[3] - 12.0 - 20.0 * series.len() as f64);
+    // Coverage only grows, so the upper left corner is free.
+    let (left, top) = (AXES[0] + 12.0, AXES[1] + 6.0);
     let height = 20.0 * series.len() as f64 + 6.0;
     let _ = writeln!(
         svg,

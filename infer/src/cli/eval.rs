@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let (journal, done) =
         Journal::open(out.folder(), fingerprints).with_context(|| format!("cannot use the journal in {folder}"))?;
     if !done.is_empty() {
-        talk.say(format!("taking over what it can of {} finished episodes in {folder}", done.len()));
+        talk.say(format!("{folder} has {} finished episodes with these settings", done.len()));
     }
 
     let (bar, warned) = (talk.bar(1, "episodes"), AtomicBool::new(false));
@@ -89,7 +89,6 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": settings,
     });
     out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
-    journal.finish(&episodes).with_context(|| format!("cannot close the journal in {folder}"))?;
     talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));
     Ok(())
 }
