@@ -6,7 +6,7 @@
 pub mod camera;
 pub mod raster;
 #[cfg(test)]
-#[path = "../../benches/scenes.rs"]
+#[path = "../../benches/scenes/mod.rs"]
 #[allow(dead_code)]
 pub(crate) mod test_scenes;
 pub mod trace;

@@ -7,21 +7,25 @@
 //! it. Triangles have two faces. 1/depth is linear over the image, and each pixel keeps its largest value, so neither the
 //! order of triangles nor the instruction set changes a bit of the result.
 
+mod dispatch;
+mod image;
 mod index;
 mod packet;
-mod tiles;
+mod pyramid;
+mod spans;
 mod view;
 mod walk;
 
+pub use dispatch::InstructionSet;
 pub use index::RasterIndex;
 
 use super::{Camera, Frame, Sensor};
 use crate::pose::Pose;
 use crate::scene::Scene;
+use dispatch::Scratch;
 use std::cell::RefCell;
-use tiles::Tiles;
+use std::sync::LazyLock;
 use view::View;
-use walk::{Waiting, walk};
 
 /// The depth camera of every rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,12 +41,8 @@ impl Sensor for DepthCamera {
     }
 }
 
-/// Memory that one frame leaves to the next on the same thread.
-#[derive(Default)]
-struct Scratch {
-    tiles: Tiles,
-    stack: Vec<Waiting>,
-}
+/// Asked once: the answer of the machine does not change.
+static BEST: LazyLock<InstructionSet> = LazyLock::new(InstructionSet::best);
 
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
@@ -50,13 +50,13 @@ thread_local! {
 
 /// One depth image.
 pub fn render(index: &RasterIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
-    out.resize(camera);
+    render_with(*BEST, index, camera, pose, out);
+}
+
+/// One depth image by a chosen instruction set: the same bits, at another speed.
+pub fn render_with(set: InstructionSet, index: &RasterIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
     let view = View::new(camera, pose);
-    SCRATCH.with_borrow_mut(|Scratch { tiles, stack }| {
-        tiles.start(camera, view.far);
-        walk(index, &view, tiles, stack);
-        tiles.finish(view.far, out);
-    });
+    SCRATCH.with_borrow_mut(|scratch| set.draw(index, camera, &view, scratch, out));
 }
 
 /// The larger; the second if they do not compare. Unlike `f32::max`, one instruction.

@@ -6,7 +6,7 @@
 //! the opposite of the edge from `c` to `b`, so no pixel falls between two triangles, and precise far from the camera.
 
 use super::index::{LANES, Packet};
-use super::tiles::{Plane, Triangle};
+use super::spans::{Edge, Inverse, Triangle};
 use super::view::{Extent, RAISE, View};
 use super::{high, low};
 use crate::sensor::Camera;
@@ -88,38 +88,68 @@ impl View {
         Extent { x0, x1, y0, y1, nearest: f32::INFINITY }
     }
 
-    /// The planes of one triangle; `None` if it is seen edge-on.
+    /// Edges and 1/depth of all triangles.
     #[inline(always)]
-    pub(super) fn triangle(
-        &self,
-        packet: &Packet,
-        projected: &Projected,
-        lane: usize,
-        extent: Extent,
-    ) -> Option<Triangle> {
-        let [nx, ny, nz] = packet.normal.map(|axis| axis[lane]);
-        let p = self.position;
-        // Distance of the eye from the plane, in f64: it may be a small difference of large numbers.
-        let side = packet.offset[lane]
-            - (f64::from(nx) * f64::from(p.x) + f64::from(ny) * f64::from(p.y) + f64::from(nz) * f64::from(p.z));
-        if side.abs() < EDGE_ON {
-            return None;
+    pub(super) fn planes(&self, packet: &Packet, projected: &Projected) -> Planes {
+        let zero = [0.0; LANES];
+        let mut out = Planes { edges: [[zero; 5]; 3], inverse: [zero; 3] };
+        let mut scale = zero;
+        let [px, py, pz] = [f64::from(self.position.x), f64::from(self.position.y), f64::from(self.position.z)];
+        for (i, scale) in scale.iter_mut().enumerate() {
+            let (nx, ny, nz) = (packet.normal[0][i], packet.normal[1][i], packet.normal[2][i]);
+            // Distance of the eye from the plane, in f64: it may be a small difference of large numbers.
+            let side = packet.offset[i] - (f64::from(nx) * px + f64::from(ny) * py + f64::from(nz) * pz);
+            *scale = if side.abs() < EDGE_ON { 0.0 } else { (1.0 / side) as f32 };
         }
-        let scale = (1.0 / side) as f32;
-        let inverse = Plane {
-            x: (self.sin * nz - self.cos * nx) * scale / self.focal,
-            y: -ny * scale / self.focal,
-            at: (self.sin * nx + self.cos * nz) * scale,
+        for (i, &scale) in scale.iter().enumerate() {
+            let (nx, ny, nz) = (packet.normal[0][i], packet.normal[1][i], packet.normal[2][i]);
+            out.inverse[0][i] = (self.sin * nz - self.cos * nx) * scale / self.focal;
+            out.inverse[1][i] = -ny * scale / self.focal;
+            out.inverse[2][i] = (self.sin * nx + self.cos * nz) * scale;
+        }
+        for k in 0..3 {
+            let (from, to) = (&projected.corner[k], &projected.corner[(k + 1) % 3]);
+            for i in 0..LANES {
+                // Of a triangle in front of the eye and one behind it, all edge functions have opposite signs.
+                let turn = if scale[i] > 0.0 { -1.0 } else { 1.0 };
+                let (dx, dy, dz) =
+                    ((to[0][i] - from[0][i]) * turn, (to[1][i] - from[1][i]) * turn, (to[2][i] - from[2][i]) * turn);
+                let (sx, sy, sz) = (to[0][i] + from[0][i], to[1][i] + from[1][i], to[2][i] + from[2][i]);
+                let edge = Edge::new(dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx);
+                out.edges[k][0][i] = edge.b;
+                out.edges[k][1][i] = edge.c;
+                out.edges[k][2][i] = edge.k;
+                out.edges[k][3][i] = edge.from_left;
+                out.edges[k][4][i] = edge.from_right;
+            }
+        }
+        out
+    }
+}
+
+/// Edges and 1/depth of sixteen triangles.
+pub(super) struct Planes {
+    /// `edges[k] = [b, c, k, from_left, from_right]`.
+    edges: [[Lanes; 5]; 3],
+    /// `[x, y, at]`; all 0 for a triangle that is seen edge-on.
+    inverse: [Lanes; 3],
+}
+
+impl Planes {
+    /// One of the triangles; `None` if it is seen edge-on.
+    #[inline(always)]
+    pub(super) fn triangle(&self, lane: usize, extent: Extent) -> Option<Triangle> {
+        let edge = |[b, c, k, left, right]: &[Lanes; 5]| Edge {
+            b: b[lane],
+            c: c[lane],
+            k: k[lane],
+            from_left: left[lane],
+            from_right: right[lane],
         };
-        // Of a triangle in front of the eye and one behind it, all edge functions have opposite signs.
-        let turn = if side > 0.0 { -1.0 } else { 1.0 };
-        let corner = |k: usize| projected.corner[k % 3].map(|axis| axis[lane]);
-        let edges = [0, 1, 2].map(|k| {
-            let ([bx, by, bz], [cx, cy, cz]) = (corner(k), corner(k + 1));
-            let (dx, dy, dz) = ((cx - bx) * turn, (cy - by) * turn, (cz - bz) * turn);
-            let (sx, sy, sz) = (cx + bx, cy + by, cz + bz);
-            Plane { x: dy * sz - dz * sy, y: dz * sx - dx * sz, at: dx * sy - dy * sx }
-        });
-        Some(Triangle { edges, inverse, extent, near: projected.depth[0][lane] < Camera::NEAR })
+        let [x, y, at] = &self.inverse;
+        let inverse = Inverse { x: x[lane], y: y[lane], at: at[lane] };
+        let edges = [edge(&self.edges[0]), edge(&self.edges[1]), edge(&self.edges[2])];
+        let seen = inverse.x != 0.0 || inverse.y != 0.0 || inverse.at != 0.0;
+        seen.then_some(Triangle { edges, inverse, extent, near: extent.nearest == f32::INFINITY })
     }
 }

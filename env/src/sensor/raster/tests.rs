@@ -75,3 +75,92 @@ fn a_wall_before_the_lens_looks_as_rays_see_it() {
     }
     assert_twins(&twin, &Camera { width: 228, height: 128, ..Camera::default() }, &close);
 }
+
+#[test]
+fn images_of_any_size_look_as_rays_see_them() {
+    let twin = twin(terrain(30.0, 2.0, 500, 4));
+    for (width, height, hfov_degrees) in [(61, 45, 60.0), (5, 3, 90.0), (1, 1, 90.0), (8, 100, 40.0), (131, 9, 120.0)] {
+        let camera = Camera { width, height, hfov_degrees, range: 20.0 };
+        let poses = poses(20, Vec3::new(2.0, 1.0, 2.0), Vec3::new(28.0, 2.0, 28.0), 15);
+        let differing: usize = poses.iter().map(|pose| differing(&twin, &camera, pose)).sum();
+        assert!(differing <= 1, "{width}x{height}: {differing}");
+    }
+}
+
+#[test]
+fn every_pixel_on_a_corner_of_a_grid_is_covered() {
+    // One vertex on the ray of every pixel: nothing but corners and edges is hit, in exact arithmetic.
+    let camera = Camera { width: 64, height: 48, ..Camera::default() };
+    let pose = Pose { position: Vec3::new(0.5, 1.0, -2.0), azimuth: 0.0 };
+    let mut soup = Soup::default();
+    for row in 0..48 {
+        for col in 0..64 {
+            soup.0.push(camera.unproject(&pose, col, row, 4.0));
+        }
+    }
+    for a in (0..47).flat_map(|row| (0..63).map(move |col| row * 64 + col)) {
+        soup.1.extend([[a, a + 1, a + 65], [a, a + 65, a + 64]]);
+    }
+    let twin = twin(soup);
+    let mut frame = Frame::default();
+    render(&twin.raster, &camera, &pose, &mut frame);
+    let inside = (1..47).flat_map(|row| (1..63).map(move |col| (col, row)));
+    for (col, row) in inside {
+        let depth = frame.at(col, row);
+        assert!(depth.is_some_and(|depth| (depth - 4.0).abs() < 1e-4), "{col} {row}: {depth:?}");
+    }
+}
+
+#[test]
+fn surfaces_behind_the_camera_or_beyond_the_range_are_not_seen() {
+    let wall = |z: f32| {
+        (vec![Vec3::new(-999.0, -999.0, z), Vec3::new(999.0, -999.0, z), Vec3::new(0.0, 999.0, z)], vec![[0, 1, 2]])
+    };
+    let pose = Pose { position: Vec3::ZERO, azimuth: 0.0 };
+    for (z, seen) in [(34.9, true), (35.1, false), (-1.0, false), (0.002, true), (0.0005, false)] {
+        let twin = twin(wall(z));
+        let mut frame = Frame::default();
+        render(&twin.raster, &Camera::default(), &pose, &mut frame);
+        assert!(
+            frame.depth.iter().all(|&depth| if seen { (depth / z - 1.0).abs() < 1e-4 } else { depth == 0.0 }),
+            "{z}"
+        );
+        assert_eq!(differing(&twin, &Camera::default(), &pose), 0);
+    }
+}
+
+#[test]
+fn open_scenes_have_pixels_without_a_surface() {
+    let twin = twin(terrain(30.0, 2.0, 0, 4));
+    let pose = Pose { position: Vec3::new(15.0, 1.5, 15.0), azimuth: 1.0 };
+    let mut frame = Frame::default();
+    render(&twin.raster, &Camera::default(), &pose, &mut frame);
+    assert_eq!(frame.at(228, 0), None);
+    assert!(frame.at(228, 255).is_some_and(|depth| depth < 4.0));
+}
+
+#[test]
+fn all_instruction_sets_and_threads_give_the_same_bits() {
+    let twin = twin(terrain(30.0, 0.8, 2000, 6));
+    let poses = poses(8, Vec3::new(2.0, 0.5, 2.0), Vec3::new(28.0, 2.0, 28.0), 17);
+    let bits = |set: InstructionSet, pose: &Pose| {
+        let mut frame = Frame::default();
+        render_with(set, &twin.raster, &Camera::default(), pose, &mut frame);
+        frame.depth.into_iter().map(f32::to_bits).collect::<Vec<_>>()
+    };
+    let sets: Vec<_> = InstructionSet::available().collect();
+    let expected: Vec<_> = poses.iter().map(|pose| bits(sets[0], pose)).collect();
+    std::thread::scope(|scope| {
+        for &set in &sets {
+            for start in 0..2 {
+                let (poses, bits, expected) = (&poses, &bits, &expected);
+                scope.spawn(move || {
+                    // Other poses first on the second thread: what an earlier frame leaves behind must not matter.
+                    for i in (0..poses.len()).map(|i| (i + 3 * start) % poses.len()) {
+                        assert!(bits(set, &poses[i]) == expected[i], "{} pose {i}", set.name());
+                    }
+                });
+            }
+        }
+    });
+}

@@ -1,60 +1,91 @@
 //! Front to back through the index: what is hidden behind drawn tiles is skipped with all that it holds.
 
-use super::index::{Child, RasterIndex, WIDE};
-use super::tiles::Tiles;
+use super::image::Image;
+use super::index::{Child, LANES, Packet, RasterIndex, WIDE};
 use super::view::{Extent, View};
+use std::collections::BinaryHeap;
 
-/// A box waiting to be opened.
-#[derive(Clone, Copy, Default)]
+/// A box waiting to be opened, the largest the next.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
+    order: f32,
     child: Child,
     extent: Extent,
 }
 
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        other.order.total_cmp(&self.order)
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Waiting {}
+
 /// Draws all that the view sees.
 #[inline(always)]
-pub(super) fn walk(index: &RasterIndex, view: &View, tiles: &mut Tiles, stack: &mut Vec<Waiting>) {
-    stack.clear();
-    open(index, view, 0, stack);
-    while let Some(Waiting { child, extent }) = stack.pop() {
+pub(super) fn walk(index: &RasterIndex, view: &View, image: &mut Image, queue: &mut BinaryHeap<Waiting>) {
+    queue.clear();
+    open(index, view, 0, queue);
+    while let Some(Waiting { child, extent, .. }) = queue.pop() {
         // Asked when its turn has come: by now, nearer boxes are drawn.
-        if !tiles.may_show(&extent) {
+        if !image.may_show(&extent) {
             continue;
         }
         if child.packets == 0 {
-            open(index, view, child.first as usize, stack);
+            open(index, view, child.first as usize, queue);
             continue;
         }
         for packet in &index.packets[child.first as usize..][..child.packets as usize] {
-            let projected = view.project(packet);
-            for lane in 0..packet.len {
-                let extent = view.extent(&projected, lane);
-                if tiles.may_show(&extent) {
-                    if let Some(triangle) = view.triangle(packet, &projected, lane, extent) {
-                        tiles.draw(&triangle);
-                    }
-                }
-            }
+            draw(packet, view, image);
         }
     }
 }
 
-/// Puts the children of a node that lie in the view on the stack, the nearest on top.
+/// Draws the triangles of a packet that may be seen.
 #[inline(always)]
-fn open(index: &RasterIndex, view: &View, node: usize, stack: &mut Vec<Waiting>) {
+fn draw(packet: &Packet, view: &View, image: &mut Image) {
+    let projected = view.project(packet);
+    let (mut lanes, mut count) = ([(0, Extent::default()); LANES], 0);
+    for lane in 0..packet.len.min(LANES) {
+        let extent = view.extent(&projected, lane);
+        if image.may_show(&extent) {
+            lanes[count] = (lane, extent);
+            count += 1;
+        }
+    }
+    if count == 0 {
+        return;
+    }
+    let planes = view.planes(packet, &projected);
+    for &(lane, extent) in &lanes[..count] {
+        if let Some(triangle) = planes.triangle(lane, extent) {
+            image.draw(&triangle);
+        }
+    }
+    image.refresh();
+}
+
+/// Queues the children of a node that lie in the view.
+#[inline(always)]
+fn open(index: &RasterIndex, view: &View, node: usize, queue: &mut BinaryHeap<Waiting>) {
     let node = &index.nodes[node];
-    let extents = view.extents(node);
-    let first = stack.len();
+    let seen = view.extents(node);
     for lane in 0..node.len.min(WIDE) {
-        let extent = extents[lane];
+        let extent = seen.extent[lane];
         if extent.x0 < extent.x1 && extent.y0 < extent.y1 {
-            // Insertion from the top: at most eight, and often in order.
-            let mut place = stack.len();
-            stack.push(Waiting { child: node.child[lane], extent });
-            while place > first && stack[place - 1].extent.nearest > stack[place].extent.nearest {
-                stack.swap(place - 1, place);
-                place -= 1;
-            }
+            queue.push(Waiting { order: seen.order[lane], child: node.child[lane], extent });
         }
     }
 }

@@ -1,0 +1,99 @@
+//! How long the simulator takes, on one thread: `cargo bench -p env`.
+//!
+//! Milliseconds for a 456×256 depth image in synthetic houses of three sizes, by the rasteriser with each instruction
+//! set of this machine and by one ray at a time. Repeats of the methods are interleaved, so that a busy machine disturbs
+//! all alike; medians are reported, with the least for the widest instruction set beside them.
+
+#[allow(dead_code)]
+mod scenes;
+
+use glam::Vec3;
+use nbp_env::pose::Pose;
+use nbp_env::scene::{Mesh, RayIndex};
+use nbp_env::sensor::raster::{InstructionSet, RasterIndex, render_with};
+use nbp_env::sensor::trace::trace;
+use nbp_env::sensor::{Camera, Frame};
+use std::time::Instant;
+
+/// Side of the houses, metres.
+const SIDE: f32 = 36.0;
+
+/// Longest edges that give about 4 k, 64 k and 500 k triangles, metres.
+const CELLS: [f32; 3] = [2.2, 0.43, 0.147];
+
+const POSES: usize = 16;
+const REPEATS: usize = 9;
+
+fn main() {
+    depth_images();
+}
+
+fn depth_images() {
+    let sets: Vec<InstructionSet> = InstructionSet::available().collect();
+    println!("456x256 depth image, one thread, ms per frame, median of {REPEATS} repeats of {POSES} poses\n");
+    print!("{:>10}", "triangles");
+    for set in &sets {
+        print!("{:>10}", set.name());
+    }
+    println!("{:>10}{:>12}{:>8}{:>12}", "(least)", "single rays", "ratio", "index build");
+    for cell in CELLS {
+        let (vertices, triangles) = scenes::rooms(SIDE, cell, 7);
+        let mesh = match Mesh::new(vertices, triangles) {
+            Ok(mesh) => mesh,
+            Err(error) => panic!("a made-up scene is a mesh: {error}"),
+        };
+        let start = Instant::now();
+        let raster = RasterIndex::build(&mesh);
+        let build = start.elapsed().as_secs_f64();
+        let rays = RayIndex::build(&mesh);
+        let (camera, mut frame) = (Camera::default(), Frame::default());
+        let poses = free_poses(&rays);
+        let (mut drawn, mut shot) = (vec![Vec::new(); sets.len()], Vec::new());
+        for repeat in 0..REPEATS {
+            for (set, times) in sets.iter().zip(&mut drawn) {
+                // Many frames a measurement: one is too short for the clock and for the caches to settle.
+                times.push(per_frame(&poses, 8, |pose| render_with(*set, &raster, &camera, pose, &mut frame)));
+            }
+            if repeat % 3 == 0 {
+                shot.push(per_frame(&poses, 1, |pose| trace(&rays, &camera, pose, &mut frame)));
+            }
+        }
+        let least = drawn.last().map_or(f64::NAN, |times| times.iter().copied().fold(f64::INFINITY, f64::min));
+        print!("{:>10}", mesh.triangles().len());
+        let drawn: Vec<f64> = drawn.into_iter().map(median).collect();
+        for time in &drawn {
+            print!("{time:>10.3}");
+        }
+        let (shot, widest) = (median(shot), drawn.last().copied().unwrap_or(f64::NAN));
+        println!("{least:>10.3}{shot:>12.2}{:>7.0}x{build:>10.2} s", shot / widest);
+    }
+}
+
+/// Poses at camera height that keep half a metre from every wall.
+fn free_poses(rays: &RayIndex) -> Vec<Pose> {
+    let mut dice = scenes::Dice(3);
+    let mut poses = Vec::new();
+    while poses.len() < POSES {
+        let position = dice.point(Vec3::new(0.5, 1.65, 0.5), Vec3::new(SIDE - 0.5, 1.65, SIDE - 0.5));
+        let azimuth = dice.between(0.0, std::f32::consts::TAU);
+        let around = (0..16).map(|k| Pose { position, azimuth: k as f32 * std::f32::consts::TAU / 16.0 }.forward());
+        if around.into_iter().all(|direction| rays.nearest(position, direction, 0.5).is_none()) {
+            poses.push(Pose { position, azimuth });
+        }
+    }
+    poses
+}
+
+/// Milliseconds for one frame, over `rounds` of all poses.
+fn per_frame(poses: &[Pose], rounds: usize, mut capture: impl FnMut(&Pose)) -> f64 {
+    let start = Instant::now();
+    for _ in 0..rounds {
+        poses.iter().for_each(&mut capture);
+    }
+    start.elapsed().as_secs_f64() * 1e3 / (rounds * poses.len()) as f64
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,106 @@
+//! One body of code, compiled for several instruction sets, and the choice among them at run time.
+//!
+//! The loops of this module work on arrays of 8 and 16 numbers without any intrinsics. Compiled for the baseline of the
+//! target (SSE2 on x86-64, NEON on ARM) they are correct anywhere; compiled again for wider registers they are faster.
+//! No instruction set fuses products with sums here, so all give the same bits, which a test checks.
+
+use super::image::Image;
+use super::index::RasterIndex;
+use super::pyramid::Pyramid;
+use super::view::View;
+use super::walk::{Waiting, walk};
+use crate::sensor::{Camera, Frame};
+use std::collections::BinaryHeap;
+
+/// Memory that one frame leaves to the next on the same thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pyramid: Pyramid,
+    queue: BinaryHeap<Waiting>,
+}
+
+/// A set of instructions that this machine has. Made by [`InstructionSet::available`] only, so that holding one proves
+/// that its instructions may be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InstructionSet(Set);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Set {
+    Baseline,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl InstructionSet {
+    /// Those that the rasteriser was compiled for and this machine has, from the narrowest to the widest.
+    pub fn available() -> impl DoubleEndedIterator<Item = Self> {
+        #[cfg(target_arch = "x86_64")]
+        let all = {
+            use std::arch::is_x86_feature_detected as has;
+            let avx2 = has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt");
+            let avx512 = avx2 && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw");
+            [Some(Self(Set::Baseline)), avx2.then_some(Self(Set::Avx2)), avx512.then_some(Self(Set::Avx512))]
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let all = [Some(Self(Set::Baseline))];
+        all.into_iter().flatten()
+    }
+
+    /// The widest available.
+    pub(super) fn best() -> Self {
+        Self::available().next_back().unwrap_or(Self(Set::Baseline))
+    }
+
+    /// Name for tables.
+    pub fn name(&self) -> &'static str {
+        match self.0 {
+            Set::Baseline => "baseline",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => "AVX2",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => "AVX-512",
+        }
+    }
+
+    /// Draws one image.
+    #[allow(unsafe_code)]
+    pub(super) fn draw(
+        self,
+        index: &RasterIndex,
+        camera: &Camera,
+        view: &View,
+        scratch: &mut Scratch,
+        out: &mut Frame,
+    ) {
+        match self.0 {
+            Set::Baseline => draw(index, camera, view, scratch, out),
+            // SAFETY: the bodies are safe code that needs the named features, and `available` found them.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => unsafe { draw_avx2(index, camera, view, scratch, out) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => unsafe { draw_avx512(index, camera, view, scratch, out) },
+        }
+    }
+}
+
+#[inline(always)]
+fn draw(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
+    let mut image = Image::start(camera, view.far, &mut scratch.pyramid, out);
+    walk(index, view, &mut image, &mut scratch.queue);
+    image.finish(view.far);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn draw_avx2(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
+    draw(index, camera, view, scratch, out);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn draw_avx512(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
+    draw(index, camera, view, scratch, out);
+}

@@ -1,0 +1,174 @@
+//! The image while it is drawn: 1/depth in each pixel, and what is hidden behind it.
+//!
+//! Every pixel holds the largest 1/depth drawn so far, so the order of drawing does not change the result.
+
+use super::pyramid::{Pyramid, TILE};
+use super::spans::{ROWS, Spans, Triangle, smallest};
+use super::view::{Extent, nearest_whole};
+use super::{high, low};
+use crate::sensor::{Camera, Frame};
+
+/// Pixels written at once: a row of a tile.
+const CHUNK: usize = TILE;
+
+/// The image being drawn, in the memory of a frame.
+pub(super) struct Image<'a> {
+    /// Row-major, with some pixels to spare at the end: chunks may reach beyond a row's end, but change nothing there.
+    pixels: &'a mut Vec<f32>,
+    pyramid: &'a mut Pyramid,
+    width: usize,
+    height: usize,
+    /// Pixels from one row to the next: the width, but at least a chunk.
+    stride: usize,
+    /// Centre of pixel `(0, 0)`, from the image's centre.
+    origin: [f32; 2],
+    /// Last column, from the image's centre.
+    border: f32,
+}
+
+impl<'a> Image<'a> {
+    /// An empty image.
+    #[inline(always)]
+    pub(super) fn start(camera: &Camera, far: f32, pyramid: &'a mut Pyramid, out: &'a mut Frame) -> Self {
+        let (width, height, stride) = (camera.width, camera.height, camera.width.max(CHUNK));
+        (out.width, out.height) = (width, height);
+        out.depth.clear();
+        out.depth.resize(stride * height + 2 * CHUNK, far);
+        pyramid.start(width.div_ceil(TILE), height.div_ceil(TILE), far);
+        let ([x, y], [border, _]) = (camera.offsets(0, 0), camera.offsets(width - 1, 0));
+        Self { pixels: &mut out.depth, pyramid, width, height, stride, origin: [x, y], border }
+    }
+
+    /// Turns 1/depth into depth.
+    #[inline(always)]
+    pub(super) fn finish(self, far: f32) {
+        for pixel in self.pixels.iter_mut() {
+            let inverse = *pixel;
+            let depth = 1.0 / inverse;
+            *pixel = if inverse > far { depth } else { 0.0 };
+        }
+        if self.stride != self.width {
+            for row in 1..self.height {
+                let from = row * self.stride;
+                self.pixels.copy_within(from..from + self.width, row * self.width);
+            }
+        }
+        self.pixels.truncate(self.width * self.height);
+    }
+
+    /// Whether a surface within an extent could be nearer than what is drawn.
+    #[inline(always)]
+    pub(super) fn may_show(&self, extent: &Extent) -> bool {
+        self.pyramid.may_show(extent)
+    }
+
+    /// Draws one triangle. Some of what it hides is known only after [`Image::refresh`].
+    #[inline(always)]
+    pub(super) fn draw(&mut self, triangle: &Triangle) {
+        match triangle.extent.x1 - triangle.extent.x0 {
+            1..=8 => self.draw_narrow::<1>(triangle),
+            9..=16 => self.draw_narrow::<2>(triangle),
+            _ => self.draw_wide(triangle),
+        }
+    }
+
+    /// Draws a triangle of at most `CHUNKS` chunks in each row, without asking tile by tile what is hidden.
+    #[inline(always)]
+    fn draw_narrow<const CHUNKS: usize>(&mut self, triangle: &Triangle) {
+        let Extent { x0, x1, y0, y1, .. } = triangle.extent;
+        let (x0, y0, x1, y1) = (x0 as usize, y0 as usize, x1 as usize, y1 as usize);
+        let (mut x, mut part) = ([[0.0; CHUNK]; CHUNKS], [[0.0; CHUNK]; CHUNKS]);
+        for c in 0..CHUNKS {
+            for i in 0..CHUNK {
+                x[c][i] = self.origin[0] + x0 as f32 + (c * CHUNK + i) as f32;
+                part[c][i] = triangle.inverse.x * x[c][i];
+            }
+        }
+        for top in (y0..y1).step_by(ROWS) {
+            let spans = Spans::new(triangle, self.origin[1] + top as f32, self.border);
+            for row in top..y1.min(top + ROWS) {
+                let (left, right, along) = (spans.left[row - top], spans.right[row - top], spans.along[row - top]);
+                let pixels = &mut self.pixels[row * self.stride + x0..][..CHUNKS * CHUNK];
+                for (c, chunk) in pixels.as_chunks_mut::<CHUNK>().0.iter_mut().enumerate() {
+                    draw_chunk(chunk, &x[c], &part[c], left, right, along);
+                }
+            }
+        }
+        for ty in y0 / TILE..(y1 - 1) / TILE + 1 {
+            for tx in x0 / TILE..(x1 - 1) / TILE + 1 {
+                self.pyramid.touch(tx, ty);
+            }
+        }
+    }
+
+    /// Draws a triangle tile by tile, leaving out those that hide it.
+    #[inline(always)]
+    fn draw_wide(&mut self, triangle: &Triangle) {
+        let extent = &triangle.extent;
+        for ty in extent.y0 as usize / TILE..(extent.y1 - 1) as usize / TILE + 1 {
+            let spans = Spans::new(triangle, self.origin[1] + (ty * TILE) as f32, self.border);
+            let [first, last] = spans.bounds();
+            let first = high(first - self.origin[0], extent.x0 as f32);
+            let last = low(last - self.origin[0], (extent.x1 - 1) as f32);
+            if first > last {
+                continue;
+            }
+            // The first whole column is not to the left of the nearest, the last not to the right.
+            for tx in nearest_whole(first).0 as usize / TILE..nearest_whole(last).0 as usize / TILE + 1 {
+                let first = self.origin[0] + (tx * TILE) as f32;
+                let nearest = spans.nearest(&triangle.inverse, first, first + (TILE - 1) as f32);
+                if low(extent.nearest, nearest) <= self.pyramid.floor(tx, ty) {
+                    continue;
+                }
+                let (mut x, mut part) = ([0.0; CHUNK], [0.0; CHUNK]);
+                for i in 0..CHUNK {
+                    x[i] = first + i as f32;
+                    part[i] = triangle.inverse.x * x[i];
+                }
+                let mut least = [f32::INFINITY; CHUNK];
+                for (row, chunk) in self.tile(tx, ty).enumerate() {
+                    let (left, right, along) = (spans.left[row], spans.right[row], spans.along[row]);
+                    draw_chunk(chunk, &x, &part, left, right, along);
+                    for i in 0..CHUNK {
+                        least[i] = low(chunk[i], least[i]);
+                    }
+                }
+                self.pyramid.raise(tx, ty, smallest(least));
+            }
+        }
+    }
+
+    /// Computes the floors of the tiles that were drawn into.
+    #[inline(always)]
+    pub(super) fn refresh(&mut self) {
+        while let Some([tx, ty]) = self.pyramid.next_stale() {
+            let mut least = [f32::INFINITY; CHUNK];
+            for chunk in self.tile(tx, ty) {
+                for i in 0..CHUNK {
+                    least[i] = low(chunk[i], least[i]);
+                }
+            }
+            self.pyramid.raise(tx, ty, smallest(least));
+        }
+    }
+
+    /// The rows of a tile. At the right border they may reach into the next row of the image: what is drawn stops at
+    /// the border, and the smallest of more pixels is a lower bound as well.
+    #[inline(always)]
+    fn tile(&mut self, tx: usize, ty: usize) -> impl Iterator<Item = &mut [f32; CHUNK]> {
+        let rows = (self.height - ty * TILE).min(TILE);
+        let lines = self.pixels[ty * TILE * self.stride + tx * TILE..].chunks_mut(self.stride);
+        lines.take(rows).filter_map(|line| line.first_chunk_mut())
+    }
+}
+
+/// Draws a part of a row: columns `x` with `left ≤ x ≤ right`, at 1/depth `part + along`.
+#[inline(always)]
+fn draw_chunk(pixels: &mut [f32; CHUNK], x: &[f32; CHUNK], part: &[f32; CHUNK], left: f32, right: f32, along: f32) {
+    for i in 0..CHUNK {
+        let new = part[i] + along;
+        let new = if x[i] >= left { new } else { 0.0 };
+        let new = if x[i] <= right { new } else { 0.0 };
+        pixels[i] = high(new, pixels[i]);
+    }
+}
