@@ -50,3 +50,27 @@ pub trait Sensor: Send + Sync {
     /// Takes one image, and sizes `out` to fit. The same scene and pose give the same bits, on any thread.
     fn capture(&self, scene: &Scene, pose: &Pose, out: &mut Frame);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_cameras_see_the_same_room() {
+        let scene = Scene::two_rooms();
+        let camera = Camera { width: 91, height: 51, ..Camera::default() };
+        let sensors: [Box<dyn Sensor>; 2] = [Box::new(DepthCamera(camera)), Box::new(RayCamera(camera))];
+        for &start in scene.starts() {
+            let pose = scene.lattice().pose(start);
+            let [drawn, shot] = [0, 1].map(|i| {
+                let mut frame = Frame::default();
+                sensors[i].capture(&scene, &pose, &mut frame);
+                assert_eq!(frame.depth.len(), camera.width * camera.height);
+                frame
+            });
+            for (a, b) in drawn.depth.iter().zip(&shot.depth) {
+                assert!((a - b).abs() <= 1e-4 * b, "{a} {b}");
+            }
+        }
+    }
+}

@@ -32,7 +32,7 @@ fn poses(count: usize, low: Vec3, high: Vec3, seed: u64) -> Vec<Pose> {
     let mut dice = Dice(seed);
     let mut pose = |i: usize| Pose {
         position: dice.point(low, high),
-        azimuth: if i % 3 == 0 { (i % 8) as f32 * TAU / 8.0 } else { dice.between(0.0, TAU) },
+        azimuth: if i.is_multiple_of(3) { (i % 8) as f32 * TAU / 8.0 } else { dice.between(0.0, TAU) },
     };
     (0..count).map(&mut pose).collect()
 }
