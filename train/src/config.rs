@@ -164,6 +164,8 @@ pub struct TrainConfig {
     pub batch: usize,
     /// Forward passes for each step of the optimiser; effective batch = `batch · accumulate` (paper: 448 = 56 · 8).
     pub accumulate: usize,
+    /// Turn and mirror every sample at random each time it is used (paper and released code: off).
+    pub augment: bool,
     /// Samples of the first iteration that are kept out for validation (paper: 1,000).
     pub validation: usize,
     /// At most this share of the first iteration's samples.
@@ -185,6 +187,7 @@ impl Default for TrainConfig {
             epochs: 5,
             batch: 56,
             accumulate: 8,
+            augment: false,
             validation: 1000,
             validation_share: 0.1,
             plateau_factor: 0.1,

@@ -10,6 +10,7 @@ pub mod collect;
 pub mod curriculum;
 pub mod memory;
 
+pub mod augment;
 pub mod plateau;
 pub mod step;
 pub mod validate;

@@ -138,10 +138,11 @@ impl Session {
         let name = format!("iteration {}: epoch {}/{}", self.progress.iteration + 1, self.progress.epoch + 1, self.config.train.epochs);
         let bar = self.log.bars.start(&name, groups.len());
         bar.skip(self.progress.step_of_epoch);
+        let augment = self.config.train.augment.then(|| SeedTree::new(self.config.seed).child("augment", 0));
         for group in groups.iter().skip(self.progress.step_of_epoch) {
             let begun = Instant::now();
             let parts: Vec<&[usize]> = group.chunks(batch).collect();
-            let values = self.learner.step(&mut self.memory, &parts, self.progress.plateau.lr)?;
+            let values = self.learner.step(&mut self.memory, &parts, self.progress.plateau.lr, augment)?;
             self.progress.step_of_epoch += 1;
             self.progress.steps = self.learner.steps;
             self.log_step(&values, group.len() as f64 / begun.elapsed().as_secs_f64());

@@ -1,8 +1,10 @@
 //! One step of the optimiser: forward, loss, backward, and a refusal to move on numbers that are not finite.
 
+use crate::augment::Symmetry;
 use crate::memory::{Memory, MemoryError};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
+use nbp_env::SeedTree;
 use nbp_env::label::Sample;
 use nbp_model::{Batch, LossValues, NetConfig, Nbp, SampleRef, TensorizeError, ValueLabel, loss};
 
@@ -45,16 +47,23 @@ pub struct Learner {
 }
 
 impl Learner {
-    /// One step on the mean loss of `parts`, each a forward pass of its own.
+    /// One step on the mean loss of `parts`, each a forward pass of its own; with a seed, samples are augmented.
     ///
     /// # Errors
     /// When samples cannot be read or the loss is not finite; the weights do not move then.
-    pub fn step(&mut self, memory: &mut Memory, parts: &[&[usize]], lr: f64) -> Result<LossValues, StepError> {
+    pub fn step(
+        &mut self,
+        memory: &mut Memory,
+        parts: &[&[usize]],
+        lr: f64,
+        augment: Option<SeedTree>,
+    ) -> Result<LossValues, StepError> {
         let mut accumulator = GradientsAccumulator::new();
         let mut mean = LossValues { total: 0.0, mse: 0.0, bce: 0.0, sigma: [0.0; 2] };
         let share = 1.0 / parts.len().max(1) as f32;
         for &part in parts {
-            let batch = load(memory, part, &self.config, &self.device)?;
+            let seed = augment.map(|seed| seed.child("step", self.steps as u64));
+            let batch = load(memory, part, &self.config, &self.device, seed)?;
             let output = self.net.forward(batch.x_bchw.clone());
             let losses = loss(&self.net, output, &batch.targets);
             let values = losses.values();
@@ -87,12 +96,24 @@ impl Learner {
     }
 }
 
-/// Reads samples into one batch.
+/// Reads samples into one batch, each turned or mirrored by chance if there is a seed for it.
 ///
 /// # Errors
 /// When they cannot be read or do not fit the network.
-pub fn load(memory: &mut Memory, indices: &[usize], config: &NetConfig, device: &Device) -> Result<Batch, StepError> {
-    let samples: Vec<Sample> = indices.iter().map(|&index| memory.get(index)).collect::<Result<_, _>>()?;
+pub fn load(
+    memory: &mut Memory,
+    indices: &[usize],
+    config: &NetConfig,
+    device: &Device,
+    augment: Option<SeedTree>,
+) -> Result<Batch, StepError> {
+    let mut samples: Vec<Sample> = indices.iter().map(|&index| memory.get(index)).collect::<Result<_, _>>()?;
+    if let Some(seed) = augment {
+        for (sample, &index) in samples.iter_mut().zip(indices) {
+            let symmetry = seed.child("sample", index as u64).key() % 8;
+            *sample = Symmetry::new(symmetry as usize).apply(sample);
+        }
+    }
     let labels: Vec<Vec<ValueLabel>> = samples.iter().map(|sample| sample.labels.iter().map(to_cell).collect()).collect();
     let parts: Vec<SampleRef<'_>> = samples
         .iter()

@@ -32,7 +32,7 @@ pub fn run(learner: &Learner, held_out: &mut Memory, batch: usize) -> Result<Opt
     let (mut mse, mut cells, mut bce, mut samples) = (0.0, 0.0, 0.0, 0.0);
     let all: Vec<usize> = (0..held_out.len()).collect();
     for indices in all.chunks(batch) {
-        let batch = load(held_out, indices, &learner.config, &device)?;
+        let batch = load(held_out, indices, &learner.config, &device, None)?;
         let labelled = batch.targets.labelled as f64;
         let output = net.forward(batch.x_bchw.clone());
         let values = loss(&net, output, &batch.targets).values();
