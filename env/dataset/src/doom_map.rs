@@ -104,3 +104,61 @@ impl DoomMap {
         ((side.sector as usize) < self.sectors.len()).then_some(side.sector)
     }
 }
+
+#[cfg(test)]
+pub(crate) mod build {
+    //! Small maps for tests.
+
+    use super::*;
+
+    impl DoomMap {
+        /// Adds a sector and names it.
+        pub(crate) fn sector(&mut self, floor: i32, ceiling: i32) -> u32 {
+            self.sectors.push(Sector { floor, ceiling, is_sky: false, special: 0, tag: 0 });
+            self.sectors.len() as u32 - 1
+        }
+
+        /// Adds a line with the sectors to its right and left, and hands it out for changes.
+        pub(crate) fn line(&mut self, a: [i32; 2], b: [i32; 2], right: Option<u32>, left: Option<u32>) -> &mut LineDef {
+            let [from, to] = [a, b].map(|[x, y]| {
+                let known = self.vertices.iter().position(|v| (v.x, v.y) == (x, y));
+                known.unwrap_or_else(|| {
+                    self.vertices.push(Vertex { x, y });
+                    self.vertices.len() - 1
+                }) as u32
+            });
+            let [front, back] = [right, left].map(|sector| {
+                sector.map(|sector| {
+                    self.sidedefs.push(SideDef { sector });
+                    self.sidedefs.len() as u32 - 1
+                })
+            });
+            let line = LineDef { from, to, flags: 0, special: 0, tag: 0, front, back };
+            self.linedefs.push(line);
+            let last = self.linedefs.len() - 1;
+            &mut self.linedefs[last]
+        }
+
+        /// Adds one-sided lines around a counter-clockwise outline, from its first to its last corner.
+        pub(crate) fn walls(&mut self, outline: &[[i32; 2]], inside: u32) {
+            for pair in outline.windows(2) {
+                // The inside lies to the left of the outline, hence to the right of its lines.
+                self.line(pair[1], pair[0], Some(inside), None);
+            }
+        }
+
+        /// Two rooms of 400×400 units, floor 0 and ceilings 128 and 160, with a closed door sector (number 2) between
+        /// them that is 32 deep and 100 wide.
+        pub(crate) fn with_door() -> (Self, u32) {
+            let mut map = Self { name: "door".into(), ..Self::default() };
+            let (left, right, door) = (map.sector(0, 128), map.sector(0, 160), map.sector(0, 0));
+            map.walls(&[[400, 250], [400, 400], [0, 400], [0, 0], [400, 0], [400, 150]], left);
+            map.walls(&[[432, 150], [432, 0], [832, 0], [832, 400], [432, 400], [432, 250]], right);
+            map.walls(&[[400, 150], [432, 150]], door);
+            map.walls(&[[432, 250], [400, 250]], door);
+            map.line([400, 150], [400, 250], Some(door), Some(left));
+            map.line([432, 250], [432, 150], Some(door), Some(right));
+            (map, door)
+        }
+    }
+}

@@ -112,3 +112,23 @@ impl Picture {
         Ok(bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plus_z_is_up_and_plus_x_is_left() {
+        let picture = Picture::of(&Scene::two_rooms(), 0.1);
+        let colour = |x: f32, z: f32| {
+            let [column, row] = picture.at(Vec2::new(x, z)).map(|v| v as usize);
+            let at = 3 * (row * picture.width + column);
+            [picture.rgb[at], picture.rgb[at + 1], picture.rgb[at + 2]]
+        };
+        assert!(picture.at(Vec2::new(1.0, 8.0))[1] < picture.at(Vec2::new(1.0, 1.0))[1]);
+        assert!(picture.at(Vec2::new(8.0, 1.0))[0] < picture.at(Vec2::new(1.0, 1.0))[0]);
+        assert_eq!(colour(0.0, 4.4), WALL);
+        assert_eq!(colour(0.75, 0.75), NODE);
+        assert!(picture.png().unwrap().starts_with(b"\x89PNG"));
+    }
+}

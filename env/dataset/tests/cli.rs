@@ -1,5 +1,7 @@
 //! The binary: what it writes, how it refuses, how it exits.
 
+#![allow(clippy::unwrap_used)] // helpers of tests
+
 use std::path::Path;
 use std::process::{Command, Output};
 

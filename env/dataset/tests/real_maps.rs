@@ -1,6 +1,8 @@
 //! Real Doom maps, where there are any: the folder in `NBP_DOOM_MAPS`, or `../shared/data` beside the workspace. Their
 //! figures were measured by an independent prototype.
 
+#![allow(clippy::unwrap_used)] // helpers of tests
+
 use nbp_dataset::wad::Wad;
 use nbp_dataset::{ConvertOptions, SceneBundle, convert, to_scene};
 use rayon::prelude::*;

@@ -2,6 +2,7 @@
 
 use super::{Column, bar, print_table};
 use anyhow::{Context as _, Result, bail};
+use nbp_dataset::picture::Picture;
 use nbp_dataset::stats::{SceneStats, measure};
 use nbp_env::Scene;
 use nbp_env::scene::load::find_scenes;
@@ -10,10 +11,13 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
   dataset stats data/simple
-  dataset stats data/simple data/normal --json stats.json
+  dataset stats data/simple data/normal --json stats.json --pictures pictures
 
 Complexity is the largest ratio of walking to straight distance over all pairs of connected positions on the 1.5 m
 lattice; '1 % pairs' is the published protocol, a lower bound.";
+
+/// Side of a picture's pixel, metres.
+const PIXEL: f32 = 0.08;
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -24,6 +28,9 @@ pub(crate) struct Args {
     /// Also write the figures of every scene to this file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Also draw every scene from above into this folder: floors, walls at the camera plane, positions, starts.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
@@ -35,13 +42,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
         paths.extend(found);
     }
+    if let Some(folder) = &args.pictures {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    }
     let bar = bar(paths.len(), "measuring");
     let one = |path: &PathBuf| -> Result<SceneStats> {
-        let stats = measure(&Scene::load(path)?);
+        let scene = Scene::load(path)?;
+        if let Some(folder) = &args.pictures {
+            let file = folder.join(format!("{}.png", scene.name()));
+            let png = Picture::of(&scene, PIXEL).png()?;
+            std::fs::write(&file, png).with_context(|| format!("cannot write {}", file.display()))?;
+        }
         bar.inc(1);
-        Ok(stats)
+        Ok(measure(&scene))
     };
-    let scenes: Vec<SceneStats> = paths.par_iter().map(one).collect::<Result<_>>().context("stats")?;
+    let scenes: Vec<SceneStats> = paths.par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&scenes)?;

@@ -154,3 +154,65 @@ fn side_to_the_left(
     let same_way = along[0] * (q[0] - p[0]) + along[1] * (q[1] - p[1]) > 0.0;
     (front != back).then_some(if same_way { back } else { front })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [[i32; 2]; 5] = [[0, 0], [400, 0], [400, 400], [0, 400], [0, 0]];
+
+    /// Area of each label.
+    fn areas(map: &DoomMap) -> (BTreeMap<Option<u32>, f64>, LabelledPlan) {
+        let labelled = label(map).unwrap();
+        let mut areas = BTreeMap::new();
+        for (triangle, &sector) in labelled.sector.iter().enumerate() {
+            *areas.entry(sector).or_default() += labelled.plan.area(triangle);
+        }
+        (areas, labelled)
+    }
+
+    #[test]
+    fn sectors_fill_their_outlines() {
+        let (map, door) = DoomMap::with_door();
+        let (areas, labelled) = areas(&map);
+        assert_eq!(areas[&Some(0)], 160_000.0);
+        assert_eq!(areas[&Some(door)], 3_200.0);
+        assert_eq!(labelled.conflict_area, 0.0);
+    }
+
+    #[test]
+    fn lines_with_one_sector_on_both_sides_do_not_vote() {
+        let mut map = DoomMap::default();
+        let (room, ghost) = (map.sector(0, 128), map.sector(0, 256));
+        map.walls(&SQUARE, room);
+        for pair in [[100, 100], [200, 100], [200, 200], [100, 200], [100, 100]].windows(2) {
+            map.line(pair[0], pair[1], Some(ghost), Some(ghost));
+        }
+        let (areas, labelled) = areas(&map);
+        assert_eq!(areas.into_iter().collect::<Vec<_>>(), [(Some(room), 160_000.0)]);
+        assert_eq!(labelled.conflict_area, 0.0);
+    }
+
+    #[test]
+    fn a_sector_that_is_not_closed_is_a_conflict() {
+        let mut map = DoomMap::default();
+        let (room, other) = (map.sector(0, 128), map.sector(0, 256));
+        map.walls(&SQUARE[..3], room);
+        map.walls(&SQUARE[2..], other);
+        let (_, labelled) = areas(&map);
+        assert_eq!(labelled.conflict_area, 160_000.0);
+        assert_eq!(labelled.worst_conflict.unwrap().area, 160_000.0);
+    }
+
+    #[test]
+    fn a_pillar_is_solid_and_the_outside_too() {
+        let mut map = DoomMap::default();
+        let room = map.sector(0, 128);
+        map.walls(&SQUARE, room);
+        let mut pillar = [[100, 100], [200, 100], [200, 200], [100, 200], [100, 100]];
+        pillar.reverse();
+        map.walls(&pillar, room);
+        let (areas, _) = areas(&map);
+        assert_eq!((areas[&Some(room)], areas[&None]), (150_000.0, 10_000.0));
+    }
+}

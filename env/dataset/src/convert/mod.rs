@@ -182,3 +182,60 @@ fn add_starts(scene: &mut SceneBundle) -> Result<(), ConvertError> {
         poses.iter().map(|pose| [pose.node.i, 0, pose.node.k, 2, pose.heading.index() as i32]).collect();
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rooms of [`DoomMap::with_door`], the door opened by its own special.
+    fn opened() -> DoomMap {
+        let (mut map, door) = DoomMap::with_door();
+        map.sectors[door as usize].special = 14;
+        map
+    }
+
+    #[test]
+    fn a_map_becomes_metres_the_right_way_round() {
+        let scene = convert(&opened(), ConvertOptions::default()).unwrap();
+        let [low, high] = scene.mesh.bounds();
+        let size = high - low;
+        assert!((size - Vec3::new(832.0 / 50.0, 160.0 / 50.0 * 1.2, 8.0)).abs().max_element() < 1e-5, "{size}");
+        assert_eq!(low.y, 0.0);
+        // The higher room lies to the right on the map, hence at smaller x.
+        let highest = scene.mesh.vertices().iter().filter(|v| v.y > 3.5);
+        assert!(highest.clone().count() > 0 && highest.clone().all(|v| v.x < 0.0));
+        let report = &scene.report;
+        assert_eq!((report.doors, report.lifts, report.modal_floor), (1, 0, 0));
+        assert!((report.floor_area - (2.0 * 64.0 + 1.28)).abs() < 1e-9);
+        assert_eq!(report.plane_area, report.floor_area, "the door is open at the camera plane");
+        assert!((scene.lattice().origin.y - 1.65).abs() < 1e-6);
+        assert_eq!(scene.settings.scene.metres_per_unit, 1.0);
+        assert_eq!(scene.settings.camera.start_positions.len(), 5);
+        let phase = (scene.report.origin[0] as f32 / 50.0 - scene.lattice().origin.x).rem_euclid(1.5);
+        assert!((phase - LATTICE_PHASE[0] as f32 / 50.0).abs() < 1e-4, "{phase}");
+    }
+
+    #[test]
+    fn a_closed_door_leaves_one_room() {
+        let (map, _) = DoomMap::with_door();
+        let report = convert(&map, ConvertOptions::default()).unwrap().report;
+        assert_eq!((report.map_area, report.floor_area), (128.0, 64.0));
+    }
+
+    #[test]
+    fn refusals_name_the_map_and_the_place() {
+        let empty = DoomMap { name: "empty".into(), ..DoomMap::default() };
+        let text = convert(&empty, ConvertOptions::default()).unwrap_err().to_string();
+        assert!(text.contains("map empty") && text.contains("0 linedefs"), "{text}");
+        let mut low = opened();
+        low.sectors.iter_mut().for_each(|s| s.ceiling = s.floor + 40);
+        let text = convert(&low, ConvertOptions::default()).unwrap_err().to_string();
+        assert!(text.contains("camera plane") && text.contains("0 connected"), "{text}");
+        let mut leaking = opened();
+        leaking.linedefs.retain(|line| line.back.is_none());
+        let refused = convert(&leaking, ConvertOptions::default());
+        assert!(matches!(refused, Err(ConvertError::Conflict { .. })), "{refused:?}");
+        assert!(refused.unwrap_err().to_string().contains("--force"));
+        assert!(convert(&leaking, ConvertOptions { force: true }).is_ok());
+    }
+}

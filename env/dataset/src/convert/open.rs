@@ -136,3 +136,41 @@ fn effect(special: u16) -> Option<(Effect, Target)> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doors_open_and_lifts_sink() {
+        let (mut map, door) = DoomMap::with_door();
+        let heights = |map: &DoomMap| open_heights(map).heights[door as usize];
+        assert_eq!(heights(&map), (0, 0), "no special, no door");
+        // The front of both door lines is the door itself: a manual special opens what lies behind.
+        let last = map.linedefs.len() - 1;
+        map.linedefs[last].special = 1;
+        assert_eq!(heights(&map), (0, 0));
+        let line = &mut map.linedefs[last];
+        std::mem::swap(&mut line.from, &mut line.to);
+        std::mem::swap(&mut line.front, &mut line.back);
+        assert_eq!(heights(&map), (0, 128 - DOOR_GAP));
+        map.linedefs[last].special = 0;
+        map.linedefs[0].special = 103;
+        map.linedefs[0].tag = 7;
+        map.sectors[door as usize].tag = 7;
+        assert_eq!(heights(&map), (0, 128 - DOOR_GAP), "opened by a switch");
+        map.sectors[door as usize] = crate::doom_map::Sector { floor: 96, ceiling: 128, ..map.sectors[door as usize] };
+        map.linedefs[0].special = 62;
+        assert_eq!(heights(&map), (0, 128), "a lift comes down");
+    }
+
+    #[test]
+    fn generalized_specials() {
+        assert!(matches!(effect(0x3c00), Some((Effect::OpenDoor, Target::Tag))));
+        assert!(matches!(effect(0x3c06), Some((Effect::OpenDoor, Target::Back))));
+        assert!(effect(0x3c60).is_none(), "a door that closes");
+        assert!(matches!(effect(0x6000), Some((Effect::LowerFloor, Target::Tag))));
+        assert!(effect(0x6040).is_none(), "a floor that rises");
+        assert!(effect(0).is_none());
+    }
+}

@@ -140,10 +140,9 @@ fn connect_around(draft: &Draft, lattice: &Navigation, distances: &mut Distances
     let (low, high) = (node_at(around.low), node_at(around.high));
     for (i, k) in (low[0]..=high[0]).flat_map(|i| (low[1]..=high[1]).map(move |k| (i, k))) {
         for next in [[i + 1, k], [i, k + 1]] {
-            if let (Some(a), Some(b)) = (lattice.number([i, k]), lattice.number(next)) {
-                if distances.between(a, b) != Some(1) && is_clear(draft, [i, k], next) {
-                    distances.connect(a, b, 1);
-                }
+            let (Some(a), Some(b)) = (lattice.number([i, k]), lattice.number(next)) else { continue };
+            if distances.between(a, b) != Some(1) && is_clear(draft, [i, k], next) {
+                distances.connect(a, b, 1);
             }
         }
     }

@@ -42,6 +42,9 @@ const RASTER_SLACK: f64 = 1.15;
 /// Accepted distance from the target area, as a share.
 const AREA_TOLERANCE: f64 = 0.25;
 
+/// Doors are opened until the complexity is under the target times this: the last door overshoots by about as much.
+const OVERSHOOT: f64 = 1.1;
+
 /// Accepted distance from the target complexity, as a share.
 const COMPLEXITY_TOLERANCE: f64 = 0.3;
 
@@ -131,7 +134,7 @@ fn draft(targets: &Targets, seed: SeedTree) -> (Draft, f64) {
     let mut draft = Draft::new(site);
     links::connect(&mut draft, targets.depth_first, rng);
     detail::furnish(&mut draft, &targets.details, rng);
-    let near_complexity = complexity::reduce(&mut draft, targets.complexity, rng);
+    let near_complexity = complexity::reduce(&mut draft, OVERSHOOT * targets.complexity, rng);
     (draft, near_complexity)
 }
 
