@@ -2,10 +2,9 @@
 
 use crate::registry::{self, PolicyContext, PolicyKind, RegistryError};
 use crate::rollout::{EpisodeRecord, RolloutError, Trial, run_episode};
-use nbp_env::World;
+use nbp_env::{World, parallel};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What is compared.
@@ -94,33 +93,16 @@ pub fn run(
         jobs.iter().map(|job| known.get(&job.key()).map(|&r| r.clone())).collect();
     let open: Vec<usize> = (0..jobs.len()).filter(|&index| records[index].is_none()).collect();
 
-    let finished = AtomicUsize::new(jobs.len() - open.len());
-    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let results: Mutex<Vec<(usize, Result<EpisodeRecord, EvalError>)>> = Mutex::new(Vec::new());
-    let work = || {
-        while !failed.load(Ordering::Relaxed) {
-            let Some(&index) = open.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-            let result = jobs[index].run(context);
-            let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
-            match &result {
-                Ok(record) => {
-                    let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
-                    on_episode(record, Progress { finished, total: jobs.len() });
-                }
-                Err(_) => failed.store(true, Ordering::Relaxed),
-            }
-            results.push((index, result));
-        }
-    };
-    // Plain threads, not tasks of the thread pool: a network computes in that pool, and a task waiting for it there would
-    // take up other episodes meanwhile, one inside the other.
-    let threads = rayon::current_num_threads().min(open.len());
-    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(work))));
-
-    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    results.sort_by_key(|(index, _)| *index);
-    for (index, result) in results {
-        records[index] = Some(result?);
+    let finished = Mutex::new(jobs.len() - open.len());
+    let fresh = parallel::try_map(&open, |&index| {
+        let record = jobs[index].run(context)?;
+        let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+        *finished += 1;
+        on_episode(&record, Progress { finished: *finished, total: jobs.len() });
+        Ok::<_, EvalError>(record)
+    })?;
+    for (index, record) in open.into_iter().zip(fresh) {
+        records[index] = Some(record);
     }
     Ok(records.into_iter().flatten().collect())
 }

@@ -120,7 +120,7 @@ fn draw_legend(svg: &mut String, series: &[Series]) {
     // As the lines end, from top to bottom.
     order.sort_by(|a, b| last(b).total_cmp(&last(a)));
     let longest = series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-    let width = 7.6 * longest as f64 + 178.0;
+    let width = 8.0 * longest as f64 + 196.0;
     // Coverage only grows, so the upper left corner is free.
     let (left, top) = (AXES[0] + 12.0, AXES[1] + 6.0);
     let height = 20.0 * series.len() as f64 + 6.0;

@@ -84,7 +84,10 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     out.write("episodes.csv", export::episodes_csv(&episodes))?;
     out.write("summary.json", serde_json::to_string_pretty(&rows)? + "\n")?;
     out.write("summary.md", table::markdown(&rows))?;
-    out.write("coverage.svg", plot::coverage(&title(worlds.len(), episodes.len()), &plot::series(&episodes)))?;
+    out.write(
+        "coverage.svg",
+        plot::coverage(&title(worlds.len(), rows.first().map_or(0, |row| row.episodes)), &plot::series(&episodes)),
+    )?;
     let about = json!({
         "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": settings,
     });

@@ -45,7 +45,15 @@ pub fn encoder_layers(input: &EncoderInput) -> Rgb {
             0 => colour::FREE,
             count => colour::heat(0.3 + 0.7 * tone(count)),
         };
-        draw(side, scale, 0, ink)
+        let mut image = draw(side, scale, 0, ink);
+        if channel + 1 == input.channels {
+            // Visited pixels lie a step apart: as single pixels they are easily overlooked.
+            for at in (0..counts.len()).filter(|&at| counts[at] > 0) {
+                let middle = (Vec2::new((at % side) as f32, (at / side) as f32) + 0.5) * scale as f32;
+                image.disc(middle, 2.2, colour::heat(0.5 + 0.5 * tone(counts[at])), 1.0);
+            }
+        }
+        image
     };
     let names: Vec<String> =
         (1..input.channels).map(|n| format!("layer {n}")).chain(["trajectory".to_owned()]).collect();
@@ -53,8 +61,9 @@ pub fn encoder_layers(input: &EncoderInput) -> Rgb {
     beside(&pictures)
 }
 
-/// The value map, the best heading of each cell, as heat; on it the path that starts at the agent (the middle).
-pub fn value_map(window: &Window, value: &ValueMap, lattice: &Lattice, path: &[LatticePose]) -> Rgb {
+/// The value map, the best heading of each cell, as heat; on it the true walls (`S · S`, 0 free, or empty for none) and
+/// the path that starts at the agent, in the middle.
+pub fn value_map(window: &Window, value: &ValueMap, walls: &[u8], lattice: &Lattice, path: &[LatticePose]) -> Rgb {
     let (side, scale) = (window.size.pixels, scale_of(window.size.pixels));
     let best = |row: usize, col: usize| {
         Heading::all().map(|heading| value.at(heading, row, col)).fold(f32::NEG_INFINITY, f32::max)
@@ -62,7 +71,11 @@ pub fn value_map(window: &Window, value: &ValueMap, lattice: &Lattice, path: &[L
     let cells: Vec<f32> = (0..value.size * value.size).map(|at| best(at / value.size, at % value.size)).collect();
     let [low, high] = cells.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)]);
     let tone = |v: f32| (v - low) / (high - low).max(1e-6);
-    let ink = |row: usize, col: usize| colour::heat(tone(cells[row / VALUE_STRIDE * value.size + col / VALUE_STRIDE]));
+    let ink = |row: usize, col: usize| {
+        let heat = colour::heat(tone(cells[row / VALUE_STRIDE * value.size + col / VALUE_STRIDE]));
+        let is_wall = walls.get(row * side + col).is_some_and(|&v| v != 0);
+        if is_wall { colour::mix(heat, colour::SEEN, 0.35) } else { heat }
+    };
     let mut image = draw(side, scale, LEGEND, ink);
 
     let at = |row: usize, col: usize| (Vec2::new(col as f32, row as f32) + 0.5) * scale as f32;
@@ -116,7 +129,7 @@ pub fn obstacle_map(predicted: &ObstacleMap, truth: &[u8], threshold: f32) -> Rg
 pub fn plan(plan: &Plan, world: &World, threshold: f32) -> Option<[Rgb; 2]> {
     let (input, Prediction { value, obstacle }) = plan.thought.as_ref()?;
     let truth = world.obstacles().crop(&input.window);
-    let value = value_map(&input.window, value, world.scene().lattice(), &plan.path);
+    let value = value_map(&input.window, value, &truth, world.scene().lattice(), &plan.path);
     let obstacle = obstacle_map(obstacle, &truth, threshold);
     let answer = beside(&[("value map and path", value), ("obstacle map", obstacle)]);
     Some([encoder_layers(input), answer])
@@ -133,7 +146,7 @@ mod tests {
         let mut gain = vec![0.0; 8 * 64];
         gain[3 * 64 + 8 + 6] = 2.0;
         let lattice = Lattice { origin: glam::Vec3::ZERO, spacing: 1.5, size: [4, 4] };
-        let value = value_map(&window, &ValueMap { size: 8, gain }, &lattice, &[]);
+        let value = value_map(&window, &ValueMap { size: 8, gain }, &[], &lattice, &[]);
         assert_eq!((value.width, value.height), (512, 512 + LEGEND));
         let at = |image: &Rgb, x: usize, y: usize| [0, 1, 2].map(|c| image.data[(y * image.width + x) * 3 + c]);
         assert_eq!(at(&value, 6 * 64 + 30, 64 + 30), colour::heat(1.0));
