@@ -18,5 +18,5 @@ pub use loss::{LossValues, Losses, Targets, loss};
 pub use net::{Nbp, NetOutput};
 pub use optim::AdamW;
 pub use predictor::NetPredictor;
-pub use tensorize::{Batch, SampleRef, TensorizeError, ValueLabel};
+pub use tensorize::{Batch, SampleRef, TensorizeError};
 pub use weights::{Checkpoint, WeightsError};

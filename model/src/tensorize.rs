@@ -4,21 +4,9 @@ use crate::config::NetConfig;
 use crate::loss::Targets;
 use burn::prelude::*;
 use burn::tensor::TensorData;
+use nbp_env::label::ValueLabel;
 use nbp_env::predict::EncoderInput;
 use nbp_env::window::VALUE_STRIDE;
-
-/// The known gain of one pose of a walked path.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ValueLabel {
-    /// Channel of the value map, `0..8`.
-    pub heading: usize,
-    /// Row of the value map, `0..S/4`.
-    pub row: usize,
-    /// Column of the value map, `0..S/4`.
-    pub col: usize,
-    /// Coverage gained, percent points.
-    pub gain: f32,
-}
 
 /// One training sample, borrowed.
 #[derive(Clone, Copy, Debug)]
@@ -99,6 +87,7 @@ impl Batch {
             obstacle.extend(sample.obstacle.iter().map(|&pixel| f32::from(u8::from(pixel != 0))));
             for &label in sample.labels {
                 let ValueLabel { heading, row, col, gain } = label;
+                let heading = heading.index();
                 if heading >= config.headings || row >= size || col >= size || !gain.is_finite() {
                     return Err(TensorizeError::Label { sample: index, label, headings: config.headings, size });
                 }
@@ -169,6 +158,7 @@ fn data(numbers: Vec<f32>, shape: [usize; 4], device: &Device) -> Tensor<4> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use nbp_env::Heading;
     use crate::config::InputScale;
     use nbp_env::window::{Window, WindowSize};
 
@@ -198,7 +188,7 @@ pub(crate) mod tests {
     #[test]
     fn labels_land_on_their_cells_and_doubles_count_once() {
         let (a, b) = (input(32, 5, 1), input(32, 5, 2));
-        let label = |heading, row, col, gain| ValueLabel { heading, row, col, gain };
+        let label = |heading, row, col, gain| ValueLabel { heading: Heading::new(heading), row, col, gain };
         let labels = [label(7, 2, 3, 4.0), label(7, 2, 3, 2.0), label(0, 0, 0, 0.0)];
         let mut obstacle = vec![0; 32 * 32];
         obstacle[33] = 255;
@@ -236,7 +226,7 @@ pub(crate) mod tests {
         says(inputs(&[input(32, 4, 1)], &small(), &device).unwrap_err(), "number of channels is 4, but 5");
         says(inputs(&[input(32, 5, 1), input(16, 5, 1)], &small(), &device).unwrap_err(), "sample 1: the side");
         let (x, free) = (input(16, 5, 1), vec![0; 256]);
-        let off = [ValueLabel { heading: 0, row: 4, col: 0, gain: 1.0 }];
+        let off = [ValueLabel { heading: Heading::new(0), row: 4, col: 0, gain: 1.0 }];
         let bad = [SampleRef { input: &x, labels: &off, obstacle: &free }];
         says(Batch::new(&bad, &small(), &device).unwrap_err(), "value map of 8 × 4 × 4");
         let bad = [SampleRef { input: &x, labels: &[], obstacle: &free[1..] }];

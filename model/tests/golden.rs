@@ -8,9 +8,11 @@ use burn::module::ModuleVisitor;
 use burn::optim::GradientsParams;
 use burn::prelude::*;
 use burn::tensor::activation::sigmoid;
+use nbp_env::Heading;
+use nbp_env::label::ValueLabel;
 use nbp_env::predict::EncoderInput;
 use nbp_env::window::{Window, WindowSize};
-use nbp_model::{Batch, CheckpointConfig, Nbp, NetConfig, SampleRef, ValueLabel, fast, loss, weights};
+use nbp_model::{Batch, CheckpointConfig, Nbp, NetConfig, SampleRef, fast, loss, weights};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -101,7 +103,7 @@ fn batch(config: &CheckpointConfig, samples: usize, device: &Device) -> Batch {
         .zip(gain.chunks_exact(8 * cells))
         .map(|(mask, gain)| {
             let label = |cell: usize| ValueLabel {
-                heading: cell / cells,
+                heading: Heading::new(cell / cells),
                 row: cell % cells / (side / 4),
                 col: cell % (side / 4),
                 gain: (5.0 + 5.0 * gain[cell]) as f32,

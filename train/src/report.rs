@@ -50,7 +50,7 @@ pub fn log_sample(log: &mut Log, predictor: &NetPredictor, sample: &Sample, latt
     let answer = predictor.predict(std::slice::from_ref(&sample.input))?.pop();
     let Prediction { value, obstacle } = answer.context("the network gave no answer to a validation sample")?;
     log.image(step, "validation/input", &picture::encoder_layers(&sample.input));
-    log.image(step, "validation/value_map", &picture::value_map(&sample.input.window, &value, lattice, &[]));
+    log.image(step, "validation/value_map", &picture::value_map(&sample.input.window, &value, &sample.obstacles, lattice, &[]));
     let compared = picture::obstacle_map(&obstacle, &sample.obstacles, OBSTACLE_THRESHOLD);
     log.image(step, "validation/obstacles_predicted_and_true", &compared);
     Ok(())

@@ -6,7 +6,7 @@ use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
 use nbp_env::SeedTree;
 use nbp_env::label::Sample;
-use nbp_model::{Batch, LossValues, NetConfig, Nbp, SampleRef, TensorizeError, ValueLabel, loss};
+use nbp_model::{Batch, LossValues, NetConfig, Nbp, SampleRef, TensorizeError, loss};
 
 /// Why a step was not made.
 #[derive(Debug, thiserror::Error)]
@@ -114,15 +114,9 @@ pub fn load(
             *sample = Symmetry::new(symmetry as usize).apply(sample);
         }
     }
-    let labels: Vec<Vec<ValueLabel>> = samples.iter().map(|sample| sample.labels.iter().map(to_cell).collect()).collect();
     let parts: Vec<SampleRef<'_>> = samples
         .iter()
-        .zip(&labels)
-        .map(|(sample, labels)| SampleRef { input: &sample.input, labels, obstacle: &sample.obstacles })
+        .map(|sample| SampleRef { input: &sample.input, labels: &sample.labels, obstacle: &sample.obstacles })
         .collect();
     Ok(Batch::new(&parts, config, device)?)
-}
-
-fn to_cell(label: &nbp_env::label::ValueLabel) -> ValueLabel {
-    ValueLabel { heading: label.heading.index(), row: label.row, col: label.col, gain: label.gain }
 }
