@@ -19,7 +19,7 @@ pub enum WriteError {
     #[error("scene name {0:?} cannot be a folder: use letters, digits, '-', '_' and '.'")]
     Name(String),
     /// The file system refused.
-    #[error("cannot write {path}: {source}; is the folder writable and has the disk room?")]
+    #[error("cannot write {path}: {source}; choose a folder that can be written, on a disk with space left")]
     Io {
         /// File or folder.
         path: PathBuf,
@@ -58,7 +58,7 @@ pub fn write_scene(scene: &SceneBundle, parent: &Path, replace: bool) -> Result<
     if partial.exists() {
         fs::remove_dir_all(&partial).map_err(fail(&partial))?;
     }
-    fs::create_dir_all(&partial).map_err(fail(&partial))?;
+    fs::create_dir_all(&partial).map_err(fail(&folder))?;
     let written = write_files(scene, &partial).and_then(|()| {
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(fail(&folder))?;

@@ -1,6 +1,6 @@
 //! `dataset convert`.
 
-use super::{Column, bar, print_table};
+use super::{Column, bar, explain, print_table};
 use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
 use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let bar = bar(jobs.len(), "converting");
     let one = |job: &Job| -> Outcome {
-        let done = convert_one(job, args).map_err(|error| format!("{}: {error:#}", job.path.display()));
+        let done = convert_one(job, args).map_err(|error| format!("{}: {}", job.path.display(), explain(&error)));
         bar.inc(1);
         done
     };

@@ -17,6 +17,17 @@ pub(crate) fn bar(count: usize, what: &'static str) -> ProgressBar {
     bar.with_message(what)
 }
 
+/// An error with its causes; causes that the message quotes already are not repeated.
+pub(crate) fn explain(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| {
+        match (text.is_empty(), text.contains(&cause)) {
+            (true, _) => cause,
+            (_, true) => text,
+            (_, false) => format!("{text}: {cause}"),
+        }
+    })
+}
+
 /// One column of a table: a heading, decimals, and the figure of a row.
 pub(crate) struct Column<T> {
     pub(crate) heading: &'static str,
@@ -26,6 +37,9 @@ pub(crate) struct Column<T> {
 
 /// Prints rows with their names and, below, mean ± standard deviation.
 pub(crate) fn print_table<T>(names: &[&str], rows: &[T], columns: &[Column<T>]) {
+    if rows.is_empty() {
+        return;
+    }
     let widest = names.iter().map(|name| name.len()).max().unwrap_or(0).max(12);
     let widths: Vec<usize> = columns.iter().map(|column| column.heading.len().max(13)).collect();
     print!("{:widest$}", "scene");

@@ -14,7 +14,7 @@ const EXAMPLES: &str = "Examples:
   dataset stats data/simple data/normal --json stats.json --pictures pictures
 
 Complexity is the largest ratio of walking to straight distance over all pairs of connected positions on the 1.5 m
-lattice; '1 % pairs' is the published protocol, a lower bound.";
+lattice; 'sampled' is the published protocol, 0.02 to 1 % of the pairs by the size of the map: a lower bound.";
 
 /// Side of a picture's pixel, metres.
 const PIXEL: f32 = 0.08;
@@ -72,7 +72,7 @@ const COLUMNS: [Column<SceneStats>; 12] = [
     Column { heading: "connected m²", decimals: 0, value: |s| s.plane_area },
     Column { heading: "positions", decimals: 0, value: |s| s.nodes as f64 },
     Column { heading: "complexity", decimals: 1, value: |s| s.complexity },
-    Column { heading: "1 % pairs", decimals: 1, value: |s| s.sampled_complexity },
+    Column { heading: "sampled", decimals: 1, value: |s| s.sampled_complexity },
     Column { heading: "triangles", decimals: 0, value: |s| s.triangles as f64 },
     Column { heading: "fill", decimals: 2, value: |s| s.fill },
     Column { heading: "walls m/m²", decimals: 2, value: |s| s.wall_density },
