@@ -2,6 +2,8 @@
 //!
 //! Everything geometric lives in `nbp_env`, which knows no tensor; here live tensors, weights and devices.
 
+#[cfg(test)]
+mod agreement;
 pub mod config;
 pub mod device;
 pub mod fast;
