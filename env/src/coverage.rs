@@ -56,8 +56,7 @@ impl Surface {
             cell *= 1.25;
         }
         let shape = cells_at(cell).to_array().map(|n| n as usize);
-        let mut surface =
-            Self { points, epsilon, low, cell, shape, begin: Vec::new(), candidates: Vec::new() };
+        let mut surface = Self { points, epsilon, low, cell, shape, begin: Vec::new(), candidates: Vec::new() };
         surface.file_points();
         surface
     }

@@ -370,7 +370,11 @@ mod tests {
         assert_eq!((input.channels, input.size()), (5, 256));
         let visits = input.channel(4);
         assert_eq!(visits.iter().sum::<u16>(), 1, "k < t");
-        assert_eq!(visits[(128 + 10) * 256 + 128] + visits[(128 + 9) * 256 + 128], 1, "it came from -z, which is below");
+        assert_eq!(
+            visits[(128 + 10) * 256 + 128] + visits[(128 + 9) * 256 + 128],
+            1,
+            "it came from -z, which is below"
+        );
         assert!(input.channel(2).iter().any(|&c| c > 0));
     }
 

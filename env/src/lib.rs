@@ -21,9 +21,9 @@ pub mod policy;
 
 pub mod episode;
 pub mod explain;
-pub mod parallel;
 pub mod label;
 pub mod metrics;
+pub mod parallel;
 
 pub use episode::{Action, Episode, SimConfig, World};
 pub use map::MapView;

@@ -129,10 +129,7 @@ impl Pose {
     /// The pose a share `t` of the way to `other`: linear in position, along the shorter arc in azimuth.
     pub fn interpolate(&self, other: &Self, t: f32) -> Self {
         let arc = (other.azimuth - self.azimuth + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
-        Self {
-            position: self.position.lerp(other.position, t),
-            azimuth: (self.azimuth + arc * t).rem_euclid(TAU),
-        }
+        Self { position: self.position.lerp(other.position, t), azimuth: (self.azimuth + arc * t).rem_euclid(TAU) }
     }
 }
 

@@ -83,7 +83,11 @@ impl Source {
     pub fn load(&self) -> Result<Scene, SourceError> {
         match self {
             Self::Mesh(path) => Ok(Scene::load(path)?),
-            Self::Map { wad, map } => scene_from_wad(wad, Some(map)).map_err(|source| SourceError::Map { source }),
+            Self::Map { wad, map } => scene_from_wad(wad, Some(map)).map_err(|source| {
+                let is_unfit = matches!(source, WadSceneError::Convert { .. } | WadSceneError::Scene { .. });
+                let hint = if is_unfit { "; to leave this map out, name the others as FILE.wad:MAP01" } else { "" };
+                SourceError::Map { source, hint }
+            }),
         }
     }
 

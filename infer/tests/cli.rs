@@ -1,5 +1,7 @@
 //! The real program in a temporary folder: what it writes, what it takes over, and what it says about bad input.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use nbp_env::Scene;
 use nbp_env::window::WindowSize;
 use nbp_model::{CheckpointConfig, DeviceChoice, Nbp, NetConfig, NetPredictor, weights};

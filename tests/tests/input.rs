@@ -30,7 +30,10 @@ fn scenes_that_are_none_are_refused_with_file_and_reason() {
     write(&scene, "scene.obj", b"v 0 0 0\nv 9 0 9\nv 9 0 0\nf 1 2 3\n");
     write(&scene, "settings.json", b"{\"scene\": 3}");
     rollout(scene.to_str().unwrap(), &out, &["settings.json"]);
-    assert!(fs::read_dir(&out).map_or(true, |entries| entries.count() == 0), "nothing is written for a scene that cannot be read");
+    assert!(
+        fs::read_dir(&out).map_or(true, |entries| entries.count() == 0),
+        "nothing is written for a scene that cannot be read"
+    );
 }
 
 #[test]
@@ -38,7 +41,10 @@ fn an_output_folder_that_cannot_be_written_is_found_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = write(folder.path(), "file", b"in the way");
     let scenes = folder.path().join("scenes");
-    succeed("dataset", &["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", scenes.to_str().unwrap()]);
+    succeed(
+        "dataset",
+        &["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", scenes.to_str().unwrap()],
+    );
     let below = format!("{file}/below");
     rollout(scenes.to_str().unwrap(), Path::new(&below), &["file"]);
     refuse("train", &["--config", "configs/smoke.toml", "--run", &below], &["file", "--run"]);
@@ -50,11 +56,15 @@ fn an_output_folder_that_cannot_be_written_is_found_at_once() {
 fn checkpoints_that_are_none_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let scenes = folder.path().join("scenes");
-    succeed("dataset", &["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", scenes.to_str().unwrap()]);
+    succeed(
+        "dataset",
+        &["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", scenes.to_str().unwrap()],
+    );
     let out = folder.path().join("out");
     let nbp = |checkpoint: &str, needles: &[&str]| {
         let (scenes, out) = (scenes.to_str().unwrap(), out.to_str().unwrap());
-        let arguments = ["rollout", "--scene", scenes, "--policy", "nbp", "--steps", "2", "--out", out, "--checkpoint", checkpoint];
+        let arguments =
+            ["rollout", "--scene", scenes, "--policy", "nbp", "--steps", "2", "--out", out, "--checkpoint", checkpoint];
         refuse("infer", &arguments, needles);
     };
     nbp("nowhere", &["nowhere"]);

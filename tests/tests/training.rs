@@ -26,12 +26,16 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
     for policy in ["random", "fbe", "nbp"] {
         assert!(table.contains(policy), "{table}");
     }
-    for file in ["config.toml", "metrics.jsonl", "eval/summary.json", "eval/episodes.csv", "checkpoints/best/config.json"] {
+    for file in
+        ["config.toml", "metrics.jsonl", "eval/summary.json", "eval/episodes.csv", "checkpoints/best/config.json"]
+    {
         assert!(run_folder.join(file).is_file(), "{file}");
     }
     let metrics = fs::read_to_string(run_folder.join("metrics.jsonl")).unwrap();
     let lines: Vec<serde_json::Value> = metrics.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    for key in ["train/total", "train/sigma_value", "train/learning_rate", "validation/obstacle_bce", "collect/coverage_mean"] {
+    for key in
+        ["train/total", "train/sigma_value", "train/learning_rate", "validation/obstacle_bce", "collect/coverage_mean"]
+    {
         assert!(lines.iter().any(|line| line[key].as_f64().is_some_and(f64::is_finite)), "{key}");
     }
     let events = fs::read_dir(run_folder.join("tb")).unwrap().next().unwrap().unwrap().path();
@@ -62,7 +66,8 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 }
 
 /// Longer than a moment, so that there is something to interrupt.
-const LONGER: &[&str] = &["--set", "train.iterations=4", "--set", "train.epochs=2", "--set", "train.checkpoint_minutes=0.0001"];
+const LONGER: &[&str] =
+    &["--set", "train.iterations=4", "--set", "train.epochs=2", "--set", "train.checkpoint_minutes=0.0001"];
 
 #[test]
 fn kill_9_at_any_moment_changes_nothing_in_the_end() {
@@ -77,7 +82,10 @@ fn kill_9_at_any_moment_changes_nothing_in_the_end() {
         child.wait().unwrap();
     }
     train(&killed, LONGER);
-    assert!(weights(&whole, "last") == weights(&killed, "last"), "a resumed run differs from one that was never killed");
+    assert!(
+        weights(&whole, "last") == weights(&killed, "last"),
+        "a resumed run differs from one that was never killed"
+    );
     assert!(weights(&whole, "best") == weights(&killed, "best"));
 }
 

@@ -99,7 +99,8 @@ mod tests {
         let sample = pointing(Heading::new(1));
         let off_axis = ValueLabel { heading: Heading::new(1), row: 2, col: 7, gain: 1.0 };
         let sample = Sample { labels: vec![off_axis], ..sample };
-        let all: std::collections::BTreeSet<String> = (0..8).map(|n| format!("{:?}", Symmetry::new(n).apply(&sample).labels)).collect();
+        let all: std::collections::BTreeSet<String> =
+            (0..8).map(|n| format!("{:?}", Symmetry::new(n).apply(&sample).labels)).collect();
         assert_eq!(all.len(), 8);
         assert_eq!(Symmetry::new(0).apply(&sample), sample);
     }

@@ -6,7 +6,7 @@ use crate::validate::Validation;
 use burn::module::Module as _;
 use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Device};
-use nbp_model::{AdamW, CheckpointConfig, NetConfig, Nbp, WeightsError, weights};
+use nbp_model::{AdamW, CheckpointConfig, Nbp, NetConfig, WeightsError, weights};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -161,8 +161,7 @@ pub fn load(
 ) -> Result<(Learner, Progress), CheckpointError> {
     let read = |name: &str| fs::read(folder.join(name)).map_err(|e| io(&folder.join(name), e));
     let damaged = |name: &str, reason: String| CheckpointError::Damaged { path: folder.join(name), reason };
-    let state: State =
-        serde_json::from_slice(&read(STATE_FILE)?).map_err(|e| damaged(STATE_FILE, e.to_string()))?;
+    let state: State = serde_json::from_slice(&read(STATE_FILE)?).map_err(|e| damaged(STATE_FILE, e.to_string()))?;
     let checked = |name: &str| {
         let bytes = read(name)?;
         match state.crc32.get(name) {
@@ -175,10 +174,8 @@ pub fn load(
         .map_err(|e| damaged(RECORD_FILE, e.to_string()))?
         .try_load_record(record)
         .map_err(|e| damaged(RECORD_FILE, format!("it is of another network: {e}")))?;
-    let optim = optim
-        .init()
-        .from_bytes(checked(OPTIMISER_FILE)?)
-        .map_err(|e| damaged(OPTIMISER_FILE, e.to_string()))?;
+    let optim =
+        optim.init().from_bytes(checked(OPTIMISER_FILE)?).map_err(|e| damaged(OPTIMISER_FILE, e.to_string()))?;
     let learner = Learner { net, optim, config: config.clone(), device: device.clone(), steps: state.progress.steps };
     Ok((learner, state.progress))
 }

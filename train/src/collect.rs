@@ -55,7 +55,13 @@ fn trajectory(
 ) -> Result<Trajectory, PolicyError> {
     let mut rng = seed.child("policy", 0).rng();
     let start = LatticePose {
-        node: world.scene().graph().largest_component().choose(&mut rng).copied().unwrap_or(world.scene().starts()[0].node),
+        node: world
+            .scene()
+            .graph()
+            .largest_component()
+            .choose(&mut rng)
+            .copied()
+            .unwrap_or(world.scene().starts()[0].node),
         heading: Heading::new(rng.random_range(0..8_usize)),
     };
     let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0));

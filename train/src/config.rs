@@ -263,8 +263,8 @@ impl Config {
     pub fn load(files: &[PathBuf], settings: &[String]) -> Result<Self, ConfigError> {
         let mut whole = toml::Table::new();
         for path in files {
-            let text = std::fs::read_to_string(path)
-                .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+            let text =
+                std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
             merge(&mut whole, parse(&text, &path.display().to_string())?);
         }
         for setting in settings {
@@ -272,8 +272,9 @@ impl Config {
         }
         let origins = files.iter().map(|p| p.display().to_string()).chain(settings.iter().cloned());
         let origin = origins.collect::<Vec<_>>().join(", ");
-        let config: Self =
-            whole.try_into().map_err(|e: toml::de::Error| ConfigError::Schema { origin, reason: e.to_string().trim().into() })?;
+        let config: Self = whole
+            .try_into()
+            .map_err(|e: toml::de::Error| ConfigError::Schema { origin, reason: e.to_string().trim().into() })?;
         config.validate()?;
         Ok(config)
     }
@@ -300,7 +301,12 @@ impl Config {
             (train.epochs >= 1, "train.epochs", train.epochs.to_string(), "at least 1"),
             (train.batch >= 1, "train.batch", train.batch.to_string(), "at least 1"),
             (train.accumulate >= 1, "train.accumulate", train.accumulate.to_string(), "at least 1"),
-            (is_share(train.validation_share), "train.validation_share", train.validation_share.to_string(), "from 0 to 1"),
+            (
+                is_share(train.validation_share),
+                "train.validation_share",
+                train.validation_share.to_string(),
+                "from 0 to 1",
+            ),
             (
                 train.plateau_factor > 0.0 && train.plateau_factor <= 1.0,
                 "train.plateau_factor",
@@ -394,8 +400,10 @@ fn flatten(prefix: &str, value: &toml::Value, lines: &mut Vec<(String, String)>)
 }
 
 fn parse(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
-    text.parse()
-        .map_err(|e: toml::de::Error| ConfigError::Syntax { origin: origin.into(), reason: e.to_string().trim().into() })
+    text.parse().map_err(|e: toml::de::Error| ConfigError::Syntax {
+        origin: origin.into(),
+        reason: e.to_string().trim().into(),
+    })
 }
 
 /// `a.b=c`, where `c` is a TOML value or, failing that, a string.
@@ -404,15 +412,18 @@ fn parse_setting(setting: &str) -> Result<toml::Table, ConfigError> {
         let reason = "write it as path.to.key=value".into();
         return Err(ConfigError::Syntax { origin: format!("--set {setting}"), reason });
     };
-    parse(&format!("{key} = {value}"), setting)
-        .or_else(|_| parse(&format!("{key} = {}", toml::Value::String(value.trim().into())), &format!("--set {setting}")))
+    parse(&format!("{key} = {value}"), setting).or_else(|_| {
+        parse(&format!("{key} = {}", toml::Value::String(value.trim().into())), &format!("--set {setting}"))
+    })
 }
 
 /// Tables merge key by key, everything else is replaced; so is a goal rule, whose keys depend on each other.
 fn merge(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
-            (Some(toml::Value::Table(below)), toml::Value::Table(above)) if !above.contains_key("rule") => merge(below, above),
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) if !above.contains_key("rule") => {
+                merge(below, above)
+            }
             (_, value) => {
                 base.insert(key, value);
             }

@@ -159,7 +159,8 @@ fn configure(arguments: &Arguments) -> Result<(Config, String)> {
 
 /// Makes the run's folder, or checks that it was made for this configuration.
 fn prepare(folder: &Path, config: &Config) -> Result<()> {
-    let unwritable = || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
+    let unwritable =
+        || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
     let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
     made.with_context(unwritable)?;
     let path = folder.join("config.toml");
@@ -191,10 +192,5 @@ fn start_log(arguments: &Arguments) {
         (false, 1) => tracing::Level::DEBUG,
         (false, _) => tracing::Level::TRACE,
     };
-    tracing_subscriber::fmt()
-        .with_max_level(level)
-        .with_writer(io::stderr)
-        .with_target(false)
-        .without_time()
-        .init();
+    tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).with_target(false).without_time().init();
 }

@@ -86,8 +86,12 @@ impl Memory {
             file.seek(SeekFrom::Start(memory.end)).map_err(fail)?;
             file.read_exact(&mut header).map_err(fail)?;
             let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-            let entry =
-                Entry { offset: memory.end + RECORD_HEADER as u64, length: word(0), checksum: word(4), iteration: word(8) };
+            let entry = Entry {
+                offset: memory.end + RECORD_HEADER as u64,
+                length: word(0),
+                checksum: word(4),
+                iteration: word(8),
+            };
             let end = entry.offset + u64::from(entry.length);
             if entry.length as usize > MAX_BYTES || end > size {
                 break;
@@ -204,7 +208,8 @@ impl PackedSample {
 fn pack(sample: &Sample) -> Vec<u8> {
     let input = &sample.input;
     let mut out = Vec::with_capacity(input.counts.len() * 2 + sample.obstacles.len() + 64);
-    for word in [sample.step as u32, input.window.size.pixels as u32, input.channels as u32, sample.labels.len() as u32] {
+    for word in [sample.step as u32, input.window.size.pixels as u32, input.channels as u32, sample.labels.len() as u32]
+    {
         out.extend(word.to_le_bytes());
     }
     out.extend(input.window.size.metres.to_le_bytes());
@@ -263,7 +268,12 @@ mod tests {
         let counts = (0..2 * 256).map(|i| if i % 37 == 0 { (n * 300 + i) as u16 } else { 0 }).collect();
         let label = ValueLabel { heading: Heading::new(n as usize), row: 1, col: 2, gain: n as f32 / 3.0 };
         let obstacles = (0..256).map(|i| u8::from((i + n) % 5 == 0)).collect();
-        Sample { input: EncoderInput { window, channels: 2, counts }, step: n as usize, labels: vec![label; n as usize % 4], obstacles }
+        Sample {
+            input: EncoderInput { window, channels: 2, counts },
+            step: n as usize,
+            labels: vec![label; n as usize % 4],
+            obstacles,
+        }
     }
 
     fn samples(range: std::ops::Range<u32>) -> Vec<PackedSample> {

@@ -20,12 +20,17 @@ use std::time::Duration;
 const OBSTACLE_THRESHOLD: f32 = 0.5;
 
 /// Coverage of every scene, speed of the simulator, and the last plan of the first trajectory.
-pub fn log_trajectories(log: &mut Log, trajectories: &[Trajectory], worlds: &[Arc<World>], step: usize, took: Duration) {
+pub fn log_trajectories(
+    log: &mut Log,
+    trajectories: &[Trajectory],
+    worlds: &[Arc<World>],
+    step: usize,
+    took: Duration,
+) {
     let mut scalars: Vec<(String, f64)> = Vec::new();
     for world in worlds {
         let name = world.scene().name();
-        let shares: Vec<f64> =
-            trajectories.iter().filter(|t| t.scene == name).map(|t| f64::from(t.coverage)).collect();
+        let shares: Vec<f64> = trajectories.iter().filter(|t| t.scene == name).map(|t| f64::from(t.coverage)).collect();
         scalars.push((format!("collect/coverage/{name}"), shares.iter().sum::<f64>() / shares.len().max(1) as f64));
     }
     let mean = |sum: f64| sum / trajectories.len().max(1) as f64;
@@ -46,11 +51,21 @@ pub fn log_trajectories(log: &mut Log, trajectories: &[Trajectory], worlds: &[Ar
 ///
 /// # Errors
 /// When the network fails.
-pub fn log_sample(log: &mut Log, predictor: &NetPredictor, sample: &Sample, lattice: &Lattice, step: usize) -> Result<()> {
+pub fn log_sample(
+    log: &mut Log,
+    predictor: &NetPredictor,
+    sample: &Sample,
+    lattice: &Lattice,
+    step: usize,
+) -> Result<()> {
     let answer = predictor.predict(std::slice::from_ref(&sample.input))?.pop();
     let Prediction { value, obstacle } = answer.context("the network gave no answer to a validation sample")?;
     log.image(step, "validation/input", &picture::encoder_layers(&sample.input));
-    log.image(step, "validation/value_map", &picture::value_map(&sample.input.window, &value, &sample.obstacles, lattice, &[]));
+    log.image(
+        step,
+        "validation/value_map",
+        &picture::value_map(&sample.input.window, &value, &sample.obstacles, lattice, &[]),
+    );
     let compared = picture::obstacle_map(&obstacle, &sample.obstacles, OBSTACLE_THRESHOLD);
     log.image(step, "validation/obstacles_predicted_and_true", &compared);
     Ok(())

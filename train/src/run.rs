@@ -135,7 +135,12 @@ impl Session {
     fn epoch(&mut self, order: &[usize]) -> Result<Outcome> {
         let (batch, accumulate) = (self.config.train.batch, self.config.train.accumulate);
         let groups: Vec<&[usize]> = order.chunks(batch * accumulate).collect();
-        let name = format!("iteration {}: epoch {}/{}", self.progress.iteration + 1, self.progress.epoch + 1, self.config.train.epochs);
+        let name = format!(
+            "iteration {}: epoch {}/{}",
+            self.progress.iteration + 1,
+            self.progress.epoch + 1,
+            self.config.train.epochs
+        );
         let bar = self.log.bars.start(&name, groups.len());
         bar.skip(self.progress.step_of_epoch);
         let augment = self.config.train.augment.then(|| SeedTree::new(self.config.seed).child("augment", 0));

@@ -23,7 +23,8 @@ fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
     let seeds: Vec<u64> = (0..set.count as u64).map(|n| set.seed + n).collect();
     let bar = bars.start(what, seeds.len());
     let scenes = try_map(&seeds, |&seed| -> Result<Scene> {
-        let map = generate(level, seed).with_context(|| format!("generating the {} map of seed {seed}", level.name()))?;
+        let map =
+            generate(level, seed).with_context(|| format!("generating the {} map of seed {seed}", level.name()))?;
         bar.advance(map.scene.name.clone());
         Ok(nbp_dataset::to_scene(map.scene)?)
     })?;

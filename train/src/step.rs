@@ -6,7 +6,7 @@ use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
 use nbp_env::SeedTree;
 use nbp_env::label::Sample;
-use nbp_model::{Batch, LossValues, NetConfig, Nbp, SampleRef, TensorizeError, loss};
+use nbp_model::{Batch, LossValues, Nbp, NetConfig, SampleRef, TensorizeError, loss};
 
 /// Why a step was not made.
 #[derive(Debug, thiserror::Error)]

@@ -37,7 +37,8 @@ impl<T: Copy + Default> WorldGrid<T> {
         for x in 0..self.shape[0] {
             let column = (self.low[0] - new_low[0]) as usize + x;
             let start = column * shape[1] + (self.low[1] - new_low[1]) as usize;
-            cells[start..start + self.shape[1]].copy_from_slice(&self.cells[x * self.shape[1]..(x + 1) * self.shape[1]]);
+            cells[start..start + self.shape[1]]
+                .copy_from_slice(&self.cells[x * self.shape[1]..(x + 1) * self.shape[1]]);
         }
         *self = Self { low: new_low, shape, cells };
     }

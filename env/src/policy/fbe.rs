@@ -37,7 +37,8 @@ impl Fbe {
         let target = *plan.path.get(self.next)?;
         let here = view.pose().node;
         let is_worth_it = self.target.iter().any(|&cell| view.occupancy().get(cell) == Cell::Unknown);
-        (arrived && is_worth_it && (target.node == here || observed_price(view, here, target.node).is_some())).then_some(target)
+        (arrived && is_worth_it && (target.node == here || observed_price(view, here, target.node).is_some()))
+            .then_some(target)
     }
 
     fn make_plan(&mut self, view: &MapView<'_>) {
@@ -147,7 +148,8 @@ fn best_look(view: &MapView<'_>, node: Node, cells: &[CellIndex]) -> Option<Latt
             seen[heading.index()] += usize::from(turn.abs() <= HALF_VIEW);
         }
     }
-    let untried = |heading: &Heading| seen[heading.index()] > 0 && view.visits(LatticePose { node, heading: *heading }) == 0;
+    let untried =
+        |heading: &Heading| seen[heading.index()] > 0 && view.visits(LatticePose { node, heading: *heading }) == 0;
     let order = |heading: &Heading| (seen[heading.index()], std::cmp::Reverse(heading.index()));
     Heading::all().filter(untried).max_by_key(order).map(|heading| LatticePose { node, heading })
 }
@@ -184,7 +186,9 @@ fn clusters(view: &MapView<'_>) -> Vec<Vec<CellIndex>> {
                 let mut at = 0;
                 while let Some(&member) = cluster.get(at) {
                     at += 1;
-                    cluster.extend(neighbours_8(member).into_iter().filter(|&n| is_frontier(n) && mark(&mut clustered, n)));
+                    cluster.extend(
+                        neighbours_8(member).into_iter().filter(|&n| is_frontier(n) && mark(&mut clustered, n)),
+                    );
                 }
                 if cluster.len() >= MIN_CLUSTER {
                     found.push(cluster);
@@ -201,7 +205,8 @@ fn nearest_unseen(view: &MapView<'_>, paths: &ShortestPaths) -> Option<(LatticeP
     const REACH: f32 = 6.0;
     let mut nodes: Vec<(f32, Node)> = paths.reached().map(|(node, distance)| (distance, node)).collect();
     nodes.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let known_free = |node: Node| view.occupancy().get(OccupancyGrid::cell_of(view.lattice().position(node))) == Cell::Free;
+    let known_free =
+        |node: Node| view.occupancy().get(OccupancyGrid::cell_of(view.lattice().position(node))) == Cell::Free;
     for (_, node) in nodes.into_iter().filter(|&(_, node)| known_free(node)) {
         let eye = view.lattice().position(node);
         for heading in Heading::all().filter(|&heading| view.visits(LatticePose { node, heading }) == 0) {

@@ -66,7 +66,12 @@ pub struct Nbp {
 
 impl Nbp {
     /// A policy that plans on what `predictor` answers.
-    pub fn new(predictor: Arc<dyn Predictor>, config: NbpConfig, passability: Passability, trajectory: Trajectory) -> Self {
+    pub fn new(
+        predictor: Arc<dyn Predictor>,
+        config: NbpConfig,
+        passability: Passability,
+        trajectory: Trajectory,
+    ) -> Self {
         Self { predictor, config, passability, trajectory, plan: None, next: 0 }
     }
 

@@ -63,9 +63,7 @@ impl Scene {
     /// Naming the file and the reason.
     pub fn load(path: &Path) -> Result<Self, LoadError> {
         let obj = if path.is_dir() { first_obj(path)? } else { path.to_path_buf() };
-        let read = |path: &Path| {
-            fs::read(path).map_err(|source| LoadError::Read { path: path.to_path_buf(), source })
-        };
+        let read = |path: &Path| fs::read(path).map_err(|source| LoadError::Read { path: path.to_path_buf(), source });
         let (vertices, triangles) = parse_obj(&obj, &read(&obj)?)?;
         let folder = obj.parent().unwrap_or(Path::new("."));
         let beside = ["settings.json", "setting.json"].map(|name| folder.join(name)).into_iter().find(|p| p.is_file());
@@ -129,12 +127,17 @@ fn parse_obj(path: &Path, bytes: &[u8]) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), Lo
         let text = String::from_utf8_lossy(line);
         let finite = text.split_whitespace().skip(1).take(3).all(|w| w.parse::<f32>().is_ok_and(f32::is_finite));
         if !finite || text.split_whitespace().count() < 4 {
-            return Err(refuse(format!("line {}: a vertex needs three finite numbers, found {:?}", number + 1, text.trim())));
+            return Err(refuse(format!(
+                "line {}: a vertex needs three finite numbers, found {:?}",
+                number + 1,
+                text.trim()
+            )));
         }
     }
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     let without_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut &*bytes, &options, without_materials).map_err(|e| refuse(e.to_string()))?;
+    let (models, _) =
+        tobj::load_obj_buf(&mut &*bytes, &options, without_materials).map_err(|e| refuse(e.to_string()))?;
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for model in models {
         let base = vertices.len() as u32;
@@ -146,8 +149,7 @@ fn parse_obj(path: &Path, bytes: &[u8]) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), Lo
 
 fn list(folder: &Path) -> Result<Vec<PathBuf>, LoadError> {
     let entries = fs::read_dir(folder).and_then(|entries| entries.map(|e| e.map(|e| e.path())).collect());
-    let mut paths: Vec<PathBuf> =
-        entries.map_err(|source| LoadError::Read { path: folder.to_path_buf(), source })?;
+    let mut paths: Vec<PathBuf> = entries.map_err(|source| LoadError::Read { path: folder.to_path_buf(), source })?;
     paths.sort();
     Ok(paths)
 }

@@ -83,7 +83,8 @@ impl Scene {
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
         }
         let starts = start_poses(&name, settings, &lattice)?;
-        let starts = if starts.is_empty() { graph.spread_poses(5, SeedTree::new(0).child("starts", 0)) } else { starts };
+        let starts =
+            if starts.is_empty() { graph.spread_poses(5, SeedTree::new(0).child("starts", 0)) } else { starts };
         Ok(Self {
             bounds: [scale * Vec3::from(settings.scene.x_min), scale * Vec3::from(settings.scene.x_max)],
             raster: RasterIndex::build(&mesh),
@@ -235,7 +236,9 @@ fn two_rooms() -> (Mesh, Settings) {
     for z in [3.0, 5.0] {
         wall([5.9, z], [6.1, z], 0.0, door);
     }
-    for [a, b] in [[[8.5, 6.0], [9.1, 6.0]], [[9.1, 6.0], [9.1, 6.6]], [[9.1, 6.6], [8.5, 6.6]], [[8.5, 6.6], [8.5, 6.0]]] {
+    for [a, b] in
+        [[[8.5, 6.0], [9.1, 6.0]], [[9.1, 6.0], [9.1, 6.6]], [[9.1, 6.6], [8.5, 6.6]], [[8.5, 6.6], [8.5, 6.0]]]
+    {
         wall(a, b, 0.0, height);
     }
     let mesh = match Mesh::new(vertices, triangles) {

@@ -69,10 +69,10 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let (bar, warned) = (talk.bar(1, "episodes"), AtomicBool::new(false));
     let episodes = eval::run(&worlds, &context, &config, &done, |record, progress| {
         // A full disk must not end hours of work: the results may still find a place at the end.
-        if let Err(error) = journal.append(record) {
-            if !warned.swap(true, Ordering::Relaxed) {
-                eprintln!("warning: cannot write the journal in {folder}: {error}; going on without it");
-            }
+        if let Err(error) = journal.append(record)
+            && !warned.swap(true, Ordering::Relaxed)
+        {
+            eprintln!("warning: cannot write the journal in {folder}: {error}; going on without it");
         }
         bar.set(progress.finished, progress.total);
     });
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         plot::coverage(&title(worlds.len(), rows.first().map_or(0, |row| row.episodes)), &plot::series(&episodes)),
     )?;
     let about = json!({
-        "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": settings,
+        "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": checkpoint::plain(&settings)?,
     });
     out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
     talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));

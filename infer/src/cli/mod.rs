@@ -22,6 +22,7 @@ Examples:
   infer import nbp_weights.pth --out checkpoints/released
   infer predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
 
+In the source tree, `cargo run -p infer --` stands for `infer`.
 Results go to standard output, talk goes to standard error. Exit codes: 0 done, 1 failed, 2 not understood.";
 
 /// Explore scenes with a policy, compare policies, and bring weights in.
@@ -36,6 +37,7 @@ struct Cli {
 
 /// Options of every command.
 #[derive(clap::Args)]
+#[command(next_help_heading = "General options")]
 struct Common {
     /// Where the network computes: auto, flex, ndarray, wgpu or cuda
     #[arg(long, global = true, default_value_t = DeviceChoice::Auto, value_name = "DEVICE")]

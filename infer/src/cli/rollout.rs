@@ -76,7 +76,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;
     out.write("topdown.png", picture::topdown(&episode, &title).png()?)?;
     println!(
-        "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, {} bumps, {:.1} ms a decision",
+        "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, bumps: {}, {:.1} ms a decision",
         record.scene,
         record.policy,
         100.0 * record.final_coverage,

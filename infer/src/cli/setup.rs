@@ -48,6 +48,9 @@ impl Args {
         if self.steps == 0 {
             usage("--steps must be at least 1");
         }
+        if self.obstacle_threshold.is_some_and(|threshold| !(0.0..=1.0).contains(&threshold)) {
+            usage("--obstacle-threshold must be a probability, 0 to 1");
+        }
         let described = match &self.checkpoint {
             None => None,
             Some(path) => Some(checkpoint::read(path).context("cannot use the checkpoint")?),

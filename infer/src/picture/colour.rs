@@ -68,8 +68,7 @@ pub(super) fn mix(from: [u8; 3], to: [u8; 3], t: f32) -> [u8; 3] {
 
 fn between(stops: &[[u8; 3]], t: f32) -> [u8; 3] {
     let last = stops.len() - 1;
-    // Not `clamp`: what is not a number becomes 0.
-    let at = t.max(0.0).min(1.0) * last as f32;
+    let at = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) * last as f32 };
     let (index, share) = ((at as usize).min(last), at.fract());
     let (a, b) = (stops[index], stops[(index + 1).min(last)]);
     [0, 1, 2].map(|c| (f32::from(a[c]) + (f32::from(b[c]) - f32::from(a[c])) * share).round() as u8)

@@ -208,7 +208,7 @@ fn draw_ends(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
 fn draw_header(image: &mut Rgb, episode: &Episode, title: &str) {
     image.text(title, Vec2::new(SIDE, 20.0), 15.0, colour::TEXT);
     let coverage = 100.0 * episode.curve().last().copied().unwrap_or(0.0);
-    let [walked, bumps] = [format!("{:.0} m walked", episode.path_length()), format!("{} bumps", episode.bumps())];
+    let [walked, bumps] = [format!("{:.0} m walked", episode.path_length()), format!("bumps: {}", episode.bumps())];
     let facts = format!("{coverage:.1} % covered  ·  {} steps  ·  {walked}  ·  {bumps}", episode.steps());
     image.text(&facts, Vec2::new(SIDE, 48.0), 10.5, colour::FAINT);
 }

@@ -40,7 +40,14 @@ impl Bars {
             bar.set_style(style.progress_chars("=> "));
         }
         bar.set_prefix(what.to_string());
-        Progress { bar, lines: self == Self::Lines, what: what.into(), total, begun: Instant::now(), said: Mutex::new(Instant::now()) }
+        Progress {
+            bar,
+            lines: self == Self::Lines,
+            what: what.into(),
+            total,
+            begun: Instant::now(),
+            said: Mutex::new(Instant::now()),
+        }
     }
 }
 

@@ -69,7 +69,9 @@ fn write(folder: &PathBuf, events: &Receiver<Event>) {
     for event in events {
         match event {
             Event::Scalar(name, value, step) => writer.add_scalar(&name, value, step),
-            Event::Image(name, data, [width, height], step) => writer.add_image(&name, &data, &[3, width, height], step),
+            Event::Image(name, data, [width, height], step) => {
+                writer.add_image(&name, &data, &[3, width, height], step)
+            }
             Event::Flush => writer.flush(),
         }
     }

@@ -84,7 +84,8 @@ impl<'a> Image<'a> {
                 part[c][i] = triangle.inverse.x * x[c][i];
             }
         }
-        for top in (y0..y1).step_by(ROWS) {
+        let mut top = y0;
+        while top < y1 {
             let spans = Spans::new(triangle, self.origin[1] + top as f32, self.border);
             for row in top..y1.min(top + ROWS) {
                 let (left, right, along) = (spans.left[row - top], spans.right[row - top], spans.along[row - top]);
@@ -93,6 +94,7 @@ impl<'a> Image<'a> {
                     draw_chunk(chunk, &x[c], &part[c], left, right, along);
                 }
             }
+            top += ROWS;
         }
         for ty in y0 / TILE..(y1 - 1) / TILE + 1 {
             for tx in x0 / TILE..(x1 - 1) / TILE + 1 {
@@ -126,7 +128,9 @@ impl<'a> Image<'a> {
                     part[i] = triangle.inverse.x * x[i];
                 }
                 let mut least = [f32::INFINITY; CHUNK];
-                for (row, chunk) in self.tile(tx, ty).enumerate() {
+                let (rows, at) = self.tile(tx, ty);
+                for row in 0..rows {
+                    let Some(chunk) = self.pixels[at + row * self.stride..].first_chunk_mut() else { break };
                     let (left, right, along) = (spans.left[row], spans.right[row], spans.along[row]);
                     draw_chunk(chunk, &x, &part, left, right, along);
                     for i in 0..CHUNK {
@@ -143,7 +147,9 @@ impl<'a> Image<'a> {
     pub(super) fn refresh(&mut self) {
         while let Some([tx, ty]) = self.pyramid.next_stale() {
             let mut least = [f32::INFINITY; CHUNK];
-            for chunk in self.tile(tx, ty) {
+            let (rows, at) = self.tile(tx, ty);
+            for row in 0..rows {
+                let Some(chunk) = self.pixels[at + row * self.stride..].first_chunk::<CHUNK>() else { break };
                 for i in 0..CHUNK {
                     least[i] = low(chunk[i], least[i]);
                 }
@@ -152,13 +158,12 @@ impl<'a> Image<'a> {
         }
     }
 
-    /// The rows of a tile. At the right border they may reach into the next row of the image: what is drawn stops at
-    /// the border, and the smallest of more pixels is a lower bound as well.
+    /// Number of rows of a tile, and the place of its first pixel. At the right border its rows reach into the next row
+    /// of the image: what is drawn stops at the border, and the smallest of more pixels is a lower bound as well.
     #[inline(always)]
-    fn tile(&mut self, tx: usize, ty: usize) -> impl Iterator<Item = &mut [f32; CHUNK]> {
-        let rows = (self.height - ty * TILE).min(TILE);
-        let lines = self.pixels[ty * TILE * self.stride + tx * TILE..].chunks_mut(self.stride);
-        lines.take(rows).filter_map(|line| line.first_chunk_mut())
+    fn tile(&self, tx: usize, ty: usize) -> (usize, usize) {
+        // Always `TILE` at most, which also is what `Spans` has; said here, it saves asking again in each row.
+        ((self.height - ty * TILE).min(TILE).min(ROWS), ty * TILE * self.stride + tx * TILE)
     }
 }
 

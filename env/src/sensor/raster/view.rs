@@ -38,13 +38,6 @@ pub(super) struct Extent {
     pub(super) nearest: f32,
 }
 
-/// Eight boxes in the image.
-pub(super) struct Extents {
-    pub(super) extent: [Extent; WIDE],
-    /// Smaller numbers are to be opened first.
-    pub(super) order: [f32; WIDE],
-}
-
 impl View {
     pub(super) fn new(camera: &Camera, pose: &Pose) -> Self {
         let forward = pose.forward();
@@ -70,8 +63,8 @@ impl View {
 
     /// Projects the eight boxes of a node. A box that cannot be seen gets no pixels.
     #[inline(always)]
-    pub(super) fn extents(&self, node: &Wide) -> Extents {
-        let (mut rect, mut near, mut order) = ([[0; WIDE]; 4], [0.0; WIDE], [0.0; WIDE]);
+    pub(super) fn extents(&self, node: &Wide) -> [Extent; WIDE] {
+        let (mut rect, mut near) = ([[0; WIDE]; 4], [0.0; WIDE]);
         let [cx, cy] = self.centre;
         for i in 0..WIDE {
             let (dx0, dx1) = (node.low[0][i] - self.position.x, node.high[0][i] - self.position.x);
@@ -114,15 +107,13 @@ impl View {
             };
             rect[2][i] = if behind { 0 } else { top };
             rect[3][i] = if behind { self.size[1] as i32 } else { bottom };
-            // Measured: the near side decides, the far side breaks ties in favour of small boxes.
-            order[i] = z0 + 0.25 * z1;
             near[i] = if behind { f32::INFINITY } else { i1 * RAISE };
         }
         let mut extent = [Extent::default(); WIDE];
         for i in 0..WIDE {
             extent[i] = Extent { x0: rect[0][i], x1: rect[1][i], y0: rect[2][i], y1: rect[3][i], nearest: near[i] };
         }
-        Extents { extent, order }
+        extent
     }
 }
 

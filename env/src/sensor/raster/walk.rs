@@ -5,17 +5,16 @@ use super::index::{Child, LANES, Packet, RasterIndex, WIDE};
 use super::view::{Extent, View};
 use std::collections::BinaryHeap;
 
-/// A box waiting to be opened, the largest the next.
+/// A box waiting to be opened, the nearest first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
-    order: f32,
     child: Child,
     extent: Extent,
 }
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        other.order.total_cmp(&self.order)
+        self.extent.nearest.total_cmp(&other.extent.nearest)
     }
 }
 
@@ -38,7 +37,7 @@ impl Eq for Waiting {}
 pub(super) fn walk(index: &RasterIndex, view: &View, image: &mut Image, queue: &mut BinaryHeap<Waiting>) {
     queue.clear();
     open(index, view, 0, queue);
-    while let Some(Waiting { child, extent, .. }) = queue.pop() {
+    while let Some(Waiting { child, extent }) = queue.pop() {
         // Asked when its turn has come: by now, nearer boxes are drawn.
         if !image.may_show(&extent) {
             continue;
@@ -81,11 +80,11 @@ fn draw(packet: &Packet, view: &View, image: &mut Image) {
 #[inline(always)]
 fn open(index: &RasterIndex, view: &View, node: usize, queue: &mut BinaryHeap<Waiting>) {
     let node = &index.nodes[node];
-    let seen = view.extents(node);
+    let extents = view.extents(node);
     for lane in 0..node.len.min(WIDE) {
-        let extent = seen.extent[lane];
+        let extent = extents[lane];
         if extent.x0 < extent.x1 && extent.y0 < extent.y1 {
-            queue.push(Waiting { order: seen.order[lane], child: node.child[lane], extent });
+            queue.push(Waiting { child: node.child[lane], extent });
         }
     }
 }
