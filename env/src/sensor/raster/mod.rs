@@ -4,8 +4,8 @@
 //! already drawn, so the time of a frame follows what is visible, not the size of the scene.
 //!
 //! Sampling is exact: a pixel shows what the ray through its centre meets first, as [`trace`](super::trace::trace) has
-//! it. Triangles have two faces. 1/depth is linear over the image, and each pixel keeps its largest value, so neither the
-//! order of triangles nor the instruction set changes a bit of the result.
+//! it. Triangles have two faces. 1/depth is linear over the image and each pixel keeps its largest value, so the order of
+//! triangles does not matter; and every instruction set computes the same bits.
 
 mod dispatch;
 mod image;

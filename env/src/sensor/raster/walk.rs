@@ -1,7 +1,7 @@
 //! Front to back through the index: what is hidden behind drawn tiles is skipped with all that it holds.
 
 use super::image::Image;
-use super::index::{Child, LANES, Packet, RasterIndex, WIDE};
+use super::index::{Child, LANES, Packet, RasterIndex};
 use super::view::{Extent, View};
 use std::collections::BinaryHeap;
 
@@ -81,10 +81,9 @@ fn draw(packet: &Packet, view: &View, image: &mut Image) {
 fn open(index: &RasterIndex, view: &View, node: usize, queue: &mut BinaryHeap<Waiting>) {
     let node = &index.nodes[node];
     let extents = view.extents(node);
-    for lane in 0..node.len.min(WIDE) {
-        let extent = extents[lane];
+    for (&extent, &child) in extents.iter().zip(&node.child).take(node.len) {
         if extent.x0 < extent.x1 && extent.y0 < extent.y1 {
-            queue.push(Waiting { child: node.child[lane], extent });
+            queue.push(Waiting { child, extent });
         }
     }
 }
