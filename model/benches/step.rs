@@ -31,8 +31,12 @@ impl Data {
             channels: 5,
             counts: (0..5 * side * side).map(|i| count(i + b)).collect(),
         };
-        let label =
-            |i: usize| ValueLabel { heading: Heading::new(i), row: i % (side / 4), col: i * 3 % (side / 4), gain: i as f32 };
+        let label = |i: usize| ValueLabel {
+            heading: Heading::new(i),
+            row: i % (side / 4),
+            col: i * 3 % (side / 4),
+            gain: i as f32,
+        };
         Self {
             inputs: (0..batch).map(input).collect(),
             labels: (0..20).map(label).collect(),

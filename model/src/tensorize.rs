@@ -158,8 +158,8 @@ fn data(numbers: Vec<f32>, shape: [usize; 4], device: &Device) -> Tensor<4> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use nbp_env::Heading;
     use crate::config::InputScale;
+    use nbp_env::Heading;
     use nbp_env::window::{Window, WindowSize};
 
     /// An input of pseudo-random small counts.

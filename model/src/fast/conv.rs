@@ -1,7 +1,7 @@
 //! A same-size convolution, forwards and backwards, on plain arrays.
 
 use super::buffer::Padded;
-use super::kernel::{Products, Rows, is_wide};
+use super::kernel::{Cover, Machine, Products, Rows};
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -29,6 +29,11 @@ pub(super) struct Gradients {
 }
 
 impl Geometry {
+    /// A kernel of one pixel does not look at neighbours: to it, a plane is one long row.
+    fn flat(self) -> Self {
+        if self.kernel == 1 { Self { height: 1, width: self.area(), ..self } } else { self }
+    }
+
     fn area(&self) -> usize {
         self.height * self.width
     }
@@ -40,13 +45,13 @@ impl Geometry {
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
 pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
-    let taps = size.kernel * size.kernel;
+    let (size, taps) = (size.flat(), size.kernel * size.kernel);
     rows(size, &size.pad(x), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
 pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
-    let taps = size.kernel * size.kernel;
+    let (size, taps) = (size.flat(), size.kernel * size.kernel);
     let padded_g = size.pad(g);
     let x_gradient = want_x.then(|| {
         // A convolution with the kernel turned by 180° and inputs and outputs exchanged.
@@ -60,7 +65,7 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
 
 /// The convolution of padded planes; `weight(output, input, tap)`.
 fn rows(size: Geometry, x: &Padded, weight: impl Fn(usize, usize, usize) -> f32, bias: &[f32]) -> Vec<f32> {
-    if is_wide() { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
+    if Machine::new().is_wide { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
 }
 
 fn rows_by<const CO: usize>(
@@ -71,6 +76,7 @@ fn rows_by<const CO: usize>(
 ) -> Vec<f32> {
     let (arch, area, kernel) = (Arch::new(), size.area(), size.kernel);
     let taps: Vec<usize> = (0..kernel * kernel).map(|t| t / kernel * x.pitch + t % kernel).collect();
+    let cover = Cover::new(size.height, size.width, x.pitch, Machine::new().lanes);
     let blocks = size.cout.div_ceil(CO);
     // Weights in the order in which the kernel reads them; a block that is not full gets zeros.
     let packed: Vec<[f32; CO]> = (0..blocks * size.cin * taps.len())
@@ -94,8 +100,8 @@ fn rows_by<const CO: usize>(
             taps: &taps,
             weights: &packed[block * size.cin * taps.len()..(block + 1) * size.cin * taps.len()],
             bias: std::array::from_fn(|k| bias.get(block * CO + k).copied().unwrap_or(0.0)),
-            height: size.height,
-            width: size.width,
+            cover: &cover,
+            area,
             out,
         });
     });
@@ -106,7 +112,7 @@ fn rows_by<const CO: usize>(
 ///
 /// Each task owns a few outputs and walks all samples in order, so there are no partial sums that depend on the threads.
 fn products(size: Geometry, x: &Padded, g: &Padded) -> Vec<f32> {
-    match (size.kernel, is_wide()) {
+    match (size.kernel, Machine::new().is_wide) {
         (1, true) => products_by::<4, 4, 1>(size, x, g),
         (1, false) => products_by::<2, 4, 1>(size, x, g),
         (_, true) => products_by::<4, 2, 3>(size, x, g),

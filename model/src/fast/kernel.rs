@@ -6,20 +6,93 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Vectors of neighbouring pixels that [`Rows`] sums at a time.
+/// Vectors of pixels that [`Rows`] sums at a time.
 const ACROSS: usize = 3;
 
-/// Whether the machine has registers for the larger tiles.
-pub(super) fn is_wide() -> bool {
-    struct Registers;
-    impl WithSimd for Registers {
-        type Output = bool;
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, _: S) -> bool {
-            S::REGISTER_COUNT >= 32
-        }
+/// The vectors of the machine.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Machine {
+    /// Numbers in a register.
+    pub(super) lanes: usize,
+    /// Whether there are registers for the larger tiles.
+    pub(super) is_wide: bool,
+}
+
+impl Machine {
+    pub(super) fn new() -> Self {
+        Arch::new().dispatch(Registers)
     }
-    Arch::new().dispatch(Registers)
+}
+
+struct Registers;
+
+impl WithSimd for Registers {
+    type Output = Machine;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Machine {
+        Machine { lanes: S::F32_LANES, is_wide: S::REGISTER_COUNT >= 32 }
+    }
+}
+
+/// A vector of pixels of a padded plane and where its pixels go.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Vector {
+    /// Its first number in the line, seen from the first tap.
+    origin: usize,
+    /// Its pixels are these of the [`Spans`].
+    first: usize,
+    last: usize,
+}
+
+/// Pixels of a vector that are neighbours in a row.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    lane: usize,
+    pixel: usize,
+    len: usize,
+}
+
+/// How vectors cover a plane.
+#[derive(Debug)]
+pub(super) struct Cover {
+    vectors: Vec<Vector>,
+    spans: Vec<Span>,
+}
+
+impl Cover {
+    pub(super) fn new(height: usize, width: usize, pitch: usize, lanes: usize) -> Self {
+        let mut cover = Self { vectors: Vec::new(), spans: Vec::new() };
+        if width.is_multiple_of(lanes) {
+            for (y, x) in (0..height).flat_map(|y| (0..width).step_by(lanes).map(move |x| (y, x))) {
+                cover.push(y * pitch + x, [Span { lane: 0, pixel: y * width + x, len: lanes }]);
+            }
+            return cover;
+        }
+        // Vectors run on over the borders, whose numbers are not kept: a short row would leave most lanes empty.
+        for origin in (0..(height - 1) * pitch + width).step_by(lanes) {
+            let rows = origin / pitch..height.min((origin + lanes).div_ceil(pitch));
+            cover.push(
+                origin,
+                rows.filter_map(|y| {
+                    let from = origin.max(y * pitch);
+                    let to = (origin + lanes).min(y * pitch + width);
+                    (from < to).then(|| Span {
+                        lane: from - origin,
+                        pixel: y * width + from - y * pitch,
+                        len: to - from,
+                    })
+                }),
+            );
+        }
+        cover
+    }
+
+    fn push(&mut self, origin: usize, spans: impl IntoIterator<Item = Span>) {
+        let first = self.spans.len();
+        self.spans.extend(spans);
+        self.vectors.push(Vector { origin, first, last: self.spans.len() });
+    }
 }
 
 /// `CO` planes of a convolution's answer.
@@ -33,9 +106,10 @@ pub(super) struct Rows<'a, const CO: usize> {
     /// Weights: input plane, tap, then `CO` outputs.
     pub(super) weights: &'a [[f32; CO]],
     pub(super) bias: [f32; CO],
-    pub(super) height: usize,
-    pub(super) width: usize,
-    /// Up to `CO` planes of `height · width`.
+    pub(super) cover: &'a Cover,
+    /// Pixels of an output plane.
+    pub(super) area: usize,
+    /// Up to `CO` planes.
     pub(super) out: &'a mut [f32],
 }
 
@@ -44,58 +118,55 @@ impl<const CO: usize> WithSimd for Rows<'_, CO> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let end = (self.height - 1) * self.pitch + self.width;
-        let mut at = 0;
-        while at < end {
-            at += S::F32_LANES
-                * match (end - at).div_ceil(S::F32_LANES) {
-                    1 => self.tile::<S, 1>(simd, at),
-                    2 => self.tile::<S, 2>(simd, at),
-                    _ => self.tile::<S, ACROSS>(simd, at),
-                };
+        let (tiles, rest) = self.cover.vectors.as_chunks::<ACROSS>();
+        for &tile in tiles {
+            self.tile::<S, ACROSS>(simd, tile);
+        }
+        for &vector in rest {
+            self.tile::<S, 1>(simd, [vector]);
         }
     }
 }
 
 impl<const CO: usize> Rows<'_, CO> {
-    /// Sums `N` vectors of pixels for all `CO` planes; returns `N`.
+    /// `N` vectors of pixels for all `CO` planes.
     #[inline(always)]
-    fn tile<S: Simd, const N: usize>(&mut self, simd: S, at: usize) -> usize {
-        let mut sums: [[S::f32s; N]; CO] = std::array::from_fn(|k| [simd.splat_f32s(self.bias[k]); N]);
-        let x = &self.x[at..];
-        for (channel, weights) in self.weights.chunks_exact(self.taps.len()).enumerate() {
-            let line = &x[channel * self.plane..];
-            for (weights, &tap) in weights.iter().zip(self.taps) {
-                let (pixels, _) = S::as_simd_f32s(&line[tap..tap + N * S::F32_LANES]);
-                for k in 0..CO {
-                    let weight = simd.splat_f32s(weights[k]);
-                    for n in 0..N {
-                        sums[k][n] = simd.mul_add_e_f32s(weight, pixels[n], sums[k][n]);
+    fn tile<S: Simd, const N: usize>(&mut self, simd: S, vectors: [Vector; N]) {
+        // Copied once they are whole: sums that are also looked up by index would live in memory, not in registers.
+        let mut sums = [[simd.splat_f32s(0.0); N]; CO];
+        self.sum(simd, vectors, &mut sums);
+        for (sums, plane) in sums.iter().zip(self.out.chunks_exact_mut(self.area)) {
+            for (sum, vector) in sums.iter().zip(vectors) {
+                for span in &self.cover.spans[vector.first..vector.last] {
+                    let pixels = &mut plane[span.pixel..span.pixel + span.len];
+                    match S::as_mut_simd_f32s(pixels).0 {
+                        [whole] => *whole = *sum,
+                        _ => {
+                            let numbers: &[f32] = bytemuck::cast_slice(std::slice::from_ref(sum));
+                            pixels.copy_from_slice(&numbers[span.lane..span.lane + span.len]);
+                        }
                     }
                 }
             }
         }
-        for (sums, plane) in sums.iter().zip(self.out.chunks_exact_mut(self.height * self.width)) {
-            copy_rows(bytemuck::cast_slice(sums), at, self.pitch, self.width, plane);
-        }
-        N
     }
-}
 
-/// Copies those numbers of a line that starts at `at` which are pixels, not border, into a plane.
-#[inline(always)]
-fn copy_rows(line: &[f32], at: usize, pitch: usize, width: usize, plane: &mut [f32]) {
-    let end = at + line.len();
-    let mut from = at;
-    while from < end {
-        let (y, x) = (from / pitch, from % pitch);
-        let to = end.min((y + 1) * pitch);
-        if x < width {
-            let len = (width - x).min(to - from);
-            let Some(row) = plane.get_mut(y * width + x..y * width + x + len) else { return };
-            row.copy_from_slice(&line[from - at..from - at + len]);
+    #[inline(always)]
+    fn sum<S: Simd, const N: usize>(&self, simd: S, vectors: [Vector; N], sums: &mut [[S::f32s; N]; CO]) {
+        let mut local: [[S::f32s; N]; CO] = std::array::from_fn(|k| [simd.splat_f32s(self.bias[k]); N]);
+        for (channel, weights) in self.weights.chunks_exact(self.taps.len()).enumerate() {
+            let lines = vectors.map(|vector| &self.x[channel * self.plane + vector.origin..]);
+            for (weights, &tap) in weights.iter().zip(self.taps) {
+                let pixels = lines.map(|line| S::as_simd_f32s(&line[tap..tap + S::F32_LANES]).0[0]);
+                for k in 0..CO {
+                    let weight = simd.splat_f32s(weights[k]);
+                    for n in 0..N {
+                        local[k][n] = simd.mul_add_e_f32s(weight, pixels[n], local[k][n]);
+                    }
+                }
+            }
         }
-        from = to;
+        *sums = local;
     }
 }
 
