@@ -58,10 +58,12 @@ pub enum SourceError {
         source: WadError,
     },
     /// A WAD's map.
-    #[error("{source} (name single maps as FILE.wad:MAP01 to leave others out)")]
+    #[error("{source}{hint}")]
     Map {
         /// Why.
-        source: WadSceneError,
+        source: Box<WadSceneError>,
+        /// What to do, where something can be done.
+        hint: &'static str,
     },
     /// More than one scene where one is needed.
     #[error("{path} holds {count} scenes ({some}): name one")]
@@ -86,7 +88,7 @@ impl Source {
             Self::Map { wad, map } => scene_from_wad(wad, Some(map)).map_err(|source| {
                 let is_unfit = matches!(source, WadSceneError::Convert { .. } | WadSceneError::Scene { .. });
                 let hint = if is_unfit { "; to leave this map out, name the others as FILE.wad:MAP01" } else { "" };
-                SourceError::Map { source, hint }
+                SourceError::Map { source: Box::new(source), hint }
             }),
         }
     }

@@ -5,6 +5,7 @@
 mod canvas;
 mod colour;
 mod font;
+mod frame;
 mod panel;
 mod thought;
 mod topdown;

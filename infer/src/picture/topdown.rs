@@ -1,6 +1,6 @@
 //! The whole episode from above: what was reconstructed, which walls were seen, where the agent went and looked.
 
-use super::font::text_width;
+use super::frame::Frame;
 use super::{Rgb, colour};
 use glam::{Vec2, Vec3};
 use nbp_env::map::{Cell, MapView, OccupancyGrid, occupancy};
@@ -14,10 +14,6 @@ const SCALE: [f32; 2] = [12.0, 72.0];
 const LARGEST: f32 = 6000.0;
 /// Room around the walls, metres.
 const MARGIN: f32 = 1.0;
-const HEADER: f32 = 84.0;
-const FOOTER: f32 = 70.0;
-const SIDE: f32 = 28.0;
-const NARROWEST: f32 = 800.0;
 
 /// From metres to pixels, `+z` up and `+x` left.
 struct Plan {
@@ -25,6 +21,7 @@ struct Plan {
     high: Vec2,
     scale: f32,
     corner: Vec2,
+    frame: Frame,
 }
 
 impl Plan {
@@ -38,18 +35,12 @@ impl Plan {
         let (low, high) = (low - MARGIN, high + MARGIN);
         let longest = (high - low).max_element();
         let scale = (TARGET / longest).clamp(SCALE[0], SCALE[1]).min(LARGEST / longest);
-        let width = ((high - low).x * scale + 2.0 * SIDE).max(NARROWEST);
-        let corner = Vec2::new((width - (high - low).x * scale) / 2.0, HEADER).round();
-        Self { low, high, scale, corner }
+        let frame = Frame::around((high - low) * scale);
+        Self { low, high, scale, corner: frame.corner(), frame }
     }
 
     fn size(&self) -> Vec2 {
         (self.high - self.low) * self.scale
-    }
-
-    fn image(&self) -> (usize, usize) {
-        let size = self.size();
-        ((size.x + 2.0 * self.corner.x) as usize, (size.y + HEADER + FOOTER) as usize)
     }
 
     fn pixel(&self, p: Vec2) -> Vec2 {
@@ -69,16 +60,15 @@ fn flat(p: Vec3) -> Vec2 {
 /// its headings coloured by time. `title` heads the picture.
 pub fn topdown(episode: &Episode, title: &str) -> Rgb {
     let plan = Plan::of(episode);
-    let (width, height) = plan.image();
-    let mut image = Rgb::filled(width, height, colour::BACKGROUND);
+    let mut image = plan.frame.blank();
     let view = episode.view();
     draw_free(&mut image, &plan, view.occupancy());
     draw_points(&mut image, &plan, &view);
     draw_walls(&mut image, &plan, episode);
     draw_path(&mut image, &plan, &view);
     draw_ends(&mut image, &plan, &view);
-    draw_header(&mut image, episode, title);
-    draw_footer(&mut image, &plan, episode.steps());
+    plan.frame.head(&mut image, title, &facts(episode));
+    plan.frame.foot(&mut image, plan.scale, episode.steps());
     image
 }
 
@@ -194,55 +184,22 @@ fn draw_ends(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
     let history = view.history();
     let (Some(first), Some(last)) = (history.first(), history.last()) else { return };
     let at = |pose: &LatticePose| plan.pixel(flat(view.lattice().position(pose.node)));
-    let radius = (0.3 * plan.scale).clamp(6.0, 10.0);
+    let unit = plan.frame.unit;
+    let radius = (0.3 * plan.scale).clamp(6.0, 10.0) * unit;
     for (pose, time, name, below) in [(first, 0.0, "start", false), (last, 1.0, "end", true)] {
         let middle = at(pose);
         image.disc(middle, radius + 2.0, colour::BACKGROUND, 0.8);
         image.disc(middle, radius, colour::time(time), 1.0);
         image.ring(middle, radius, 2.2, colour::SEEN);
-        let away = if below { radius + 9.0 } else { -radius - 20.0 };
-        image.label(name, middle + Vec2::new(0.0, away), 11.0, colour::TEXT);
+        let away = if below { radius + 9.0 * unit } else { -radius - 20.0 * unit };
+        image.label(name, middle + Vec2::new(0.0, away), 11.0 * unit, colour::TEXT);
     }
 }
 
-fn draw_header(image: &mut Rgb, episode: &Episode, title: &str) {
-    image.text(title, Vec2::new(SIDE, 20.0), 15.0, colour::TEXT);
+fn facts(episode: &Episode) -> String {
     let coverage = 100.0 * episode.curve().last().copied().unwrap_or(0.0);
-    let [walked, bumps] = [format!("{:.0} m walked", episode.path_length()), format!("bumps: {}", episode.bumps())];
-    let facts = format!("{coverage:.1} % covered  ·  {} steps  ·  {walked}  ·  {bumps}", episode.steps());
-    image.text(&facts, Vec2::new(SIDE, 48.0), 10.5, colour::FAINT);
-}
-
-fn draw_footer(image: &mut Rgb, plan: &Plan, steps: usize) {
-    let line = image.height as f32 - FOOTER / 2.0;
-    let right = image.width as f32 - SIDE;
-    let lengths = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
-    let length = lengths.into_iter().find(|metres| metres * plan.scale >= 90.0).unwrap_or(1000.0);
-    let bar = length * plan.scale;
-    let ends = [Vec2::new(SIDE, line + 8.0), Vec2::new(SIDE + bar, line + 8.0)];
-    image.line(ends[0], ends[1], 2.4, colour::TEXT, 1.0);
-    for end in ends {
-        image.line(end - Vec2::new(0.0, 5.0), end + Vec2::new(0.0, 5.0), 2.4, colour::TEXT, 1.0);
-    }
-    let name = format!("{length} m");
-    image.text(&name, Vec2::new(SIDE + (bar - text_width(&name, 11.0)) / 2.0, line - 13.0), 11.0, colour::TEXT);
-
-    let wide = 200.0;
-    for x in 0..wide as usize {
-        let at = Vec2::new(right - wide + x as f32 + 0.5, line + 8.0);
-        image.line(at - Vec2::new(0.0, 5.0), at + Vec2::new(0.0, 5.0), 1.6, colour::time(x as f32 / wide), 1.0);
-    }
-    let last = steps.to_string();
-    image.text("step 0", Vec2::new(right - wide, line - 13.0), 11.0, colour::TEXT);
-    image.text(&last, Vec2::new(right - text_width(&last, 11.0), line - 13.0), 11.0, colour::TEXT);
-
-    let entries = [("wall seen", colour::SEEN), ("wall not seen", colour::UNSEEN)];
-    let mut pen =
-        right - wide - 40.0 - entries.iter().map(|(name, _)| text_width(name, 11.0) + 62.0).sum::<f32>() + 26.0;
-    for (name, ink) in entries {
-        image.line(Vec2::new(pen, line + 5.0), Vec2::new(pen + 24.0, line + 5.0), 3.0, ink, 1.0);
-        pen += 34.0 + image.text(name, Vec2::new(pen + 34.0, line), 11.0, colour::TEXT) + 28.0;
-    }
+    let (walked, bumps) = (episode.path_length(), episode.bumps());
+    format!("{coverage:.1} % covered  ·  {} steps  ·  {walked:.0} m walked  ·  bumps: {bumps}", episode.steps())
 }
 
 fn for_map_pixels(image: &mut Rgb, plan: &Plan, mut draw: impl FnMut(&mut Rgb, usize, usize, Vec2)) {
