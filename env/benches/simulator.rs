@@ -2,17 +2,21 @@
 //!
 //! Milliseconds for a 456×256 depth image in synthetic houses of three sizes, by the rasteriser with each instruction
 //! set of this machine and by one ray at a time. Repeats of the methods are interleaved, so that a busy machine disturbs
-//! all alike; medians are reported, with the least for the widest instruction set beside them.
+//! all alike; medians are reported, with the least for the widest instruction set beside them. Then whole steps.
 
 #[allow(dead_code)]
 mod scenes;
 
 use glam::Vec3;
+use nbp_env::policy::random::Random;
 use nbp_env::pose::Pose;
+use nbp_env::scene::load::infer_settings;
 use nbp_env::scene::{Mesh, RayIndex};
 use nbp_env::sensor::raster::{InstructionSet, RasterIndex, render_with};
 use nbp_env::sensor::trace::trace;
 use nbp_env::sensor::{Camera, Frame};
+use nbp_env::{Episode, Policy as _, Scene, SeedTree, SimConfig, World};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Side of the houses, metres.
@@ -24,8 +28,48 @@ const CELLS: [f32; 3] = [2.2, 0.43, 0.147];
 const POSES: usize = 16;
 const REPEATS: usize = 9;
 
+/// Steps of a measured episode.
+const STEPS: usize = 60;
+
 fn main() {
     depth_images();
+    episodes();
+}
+
+/// Whole steps of the random walk: four captures, map, coverage and the encoder's input.
+fn episodes() {
+    println!("\nepisodes of {STEPS} steps, one thread, 20,000 surface points, median of {REPEATS}\n");
+    println!("{:>10}{:>10}{:>12}{:>16}", "triangles", "steps/s", "ms per step", "input of it, ms");
+    for cell in CELLS {
+        let (vertices, triangles) = scenes::rooms(SIDE, cell, 7);
+        let mesh = match Mesh::new(vertices, triangles) {
+            Ok(mesh) => mesh,
+            Err(error) => panic!("a made-up scene is a mesh: {error}"),
+        };
+        let (count, settings) = (mesh.triangles().len(), infer_settings(&mesh));
+        let world = match Scene::new("house", mesh, &settings).map(|scene| World::new(scene, &SimConfig::default())) {
+            Ok(Ok(world)) => Arc::new(world),
+            _ => panic!("a made-up house has free poses"),
+        };
+        let (mut steps, mut inputs) = (Vec::new(), Vec::new());
+        for repeat in 0..REPEATS {
+            let start = world.scene().starts()[repeat % world.scene().starts().len()];
+            let mut episode = Episode::new(Arc::clone(&world), start, STEPS, SeedTree::new(repeat as u64));
+            let (mut policy, mut rng) = (Random, SeedTree::new(9).rng());
+            let (begun, mut encoding) = (Instant::now(), 0.0);
+            while !episode.is_over() {
+                let Ok(action) = policy.act(&episode.view(), &mut rng) else { break };
+                episode.step(action);
+                let encode = Instant::now();
+                std::hint::black_box(episode.encode());
+                encoding += encode.elapsed().as_secs_f64();
+            }
+            steps.push(begun.elapsed().as_secs_f64() / STEPS as f64);
+            inputs.push(1e3 * encoding / STEPS as f64);
+        }
+        let seconds = median(steps);
+        println!("{count:>10}{:>10.0}{:>12.2}{:>16.3}", 1.0 / seconds, 1e3 * seconds, median(inputs));
+    }
 }
 
 fn depth_images() {
