@@ -94,6 +94,16 @@ pub enum CheckpointError {
     Weights(#[from] WeightsError),
 }
 
+/// Folder of the checkpoint that a run resumes from.
+pub fn last(run: &Path) -> PathBuf {
+    run.join("checkpoints/last")
+}
+
+/// Folder of the checkpoint with the best validation loss.
+pub fn best(run: &Path) -> PathBuf {
+    run.join("checkpoints/best")
+}
+
 /// Saves into `folder`, replacing what is there only once all is written.
 ///
 /// # Errors

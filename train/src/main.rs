@@ -8,7 +8,7 @@ use nbp_train::checkpoint::{self, Progress};
 use nbp_train::config::{self, Config};
 use nbp_train::log::{Bars, Log};
 use nbp_train::memory::Memory;
-use nbp_train::run::{Clock, Outcome, Session, best_checkpoint, describe, last_checkpoint};
+use nbp_train::run::{Clock, Outcome, Session, describe};
 use nbp_train::step::Learner;
 use nbp_train::{interrupt, report, scenes};
 use std::path::{Path, PathBuf};
@@ -87,11 +87,11 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
 
     let bars = Bars::detect(arguments.quiet);
     let log = Log::open(&folder, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
-    let resumes = checkpoint::recover(&last_checkpoint(&folder))?;
-    checkpoint::recover(&best_checkpoint(&folder))?;
+    let resumes = checkpoint::recover(&checkpoint::last(&folder))?;
+    checkpoint::recover(&checkpoint::best(&folder))?;
     let (net, device) = (config.net_config(), device.autodiff());
     let (learner, progress) = if resumes {
-        checkpoint::load(&last_checkpoint(&folder), &net, &config.optim, &device)?
+        checkpoint::load(&checkpoint::last(&folder), &net, &config.optim, &device)?
     } else {
         let weights = Nbp::new(&net, config.seed, &device)?;
         let learner = Learner { net: weights, optim: config.optim.init(), config: net, device, steps: 0 };
@@ -143,7 +143,7 @@ fn finish(config: &Config, folder: &Path, log: &Log, was_done: bool) -> Result<O
         }
     };
     println!("{table}");
-    eprintln!("checkpoint: {}", best_checkpoint(folder).display());
+    eprintln!("checkpoint: {}", checkpoint::best(folder).display());
     Ok(Outcome::Complete)
 }
 

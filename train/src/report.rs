@@ -1,16 +1,16 @@
 //! What people look at: pictures and numbers of a collection, predictions beside the truth, the final table.
 
+use crate::checkpoint;
 use crate::collect::Trajectory;
 use crate::config::Config;
 use crate::log::Log;
-use crate::run::best_checkpoint;
 use crate::scenes;
 use anyhow::{Context as _, Result};
 use nbp_env::label::Sample;
 use nbp_env::{Lattice, Prediction, Predictor, World};
 use nbp_infer::eval::{self, EvalConfig};
 use nbp_infer::registry::PolicyContext;
-use nbp_infer::{checkpoint, export, picture, table};
+use nbp_infer::{checkpoint as infer_checkpoint, export, picture, table};
 use nbp_model::{NetPredictor, weights};
 use std::path::Path;
 use std::sync::Arc;
@@ -78,7 +78,7 @@ pub fn log_sample(
 /// When scenes cannot be made or a policy fails.
 pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
     let worlds = scenes::load(&config.scenes.held_out, &config.sim, "held-out scenes", log.bars)?;
-    let best = checkpoint::load(&best_checkpoint(run), config.device)?;
+    let best = infer_checkpoint::load(&checkpoint::best(run), config.device)?;
     let context = PolicyContext { predictor: Some(best.predictor), nbp: config.policy };
     let compared = EvalConfig {
         policies: config.eval.policies.clone(),

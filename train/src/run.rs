@@ -11,7 +11,7 @@ use anyhow::{Context as _, Result};
 use nbp_env::{Predictor, SeedTree, World};
 use nbp_infer::checkpoint::{Settings, remember};
 use nbp_model::{CheckpointConfig, LossValues, NetPredictor};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -91,7 +91,7 @@ impl Session {
                 (self.progress.epoch, self.progress.step_of_epoch) = (epoch + 1, 0);
                 self.save()?;
                 if verdict == Verdict::Better {
-                    checkpoint::save(&self.best(), &self.learner, &self.progress, &self.describe)?;
+                    checkpoint::save(&checkpoint::best(&self.folder), &self.learner, &self.progress, &self.describe)?;
                 }
                 if verdict == Verdict::Stop {
                     tracing::info!("no better validation loss for {} epochs: stopping early", train.early_stop);
@@ -215,33 +215,18 @@ impl Session {
         NetPredictor::new(&self.learner.net, &self.describe)
     }
 
-    /// Folder of the best checkpoint.
-    pub fn best(&self) -> PathBuf {
-        best_checkpoint(&self.folder)
-    }
-
     fn save(&mut self) -> Result<()> {
         self.memory.sync()?;
         self.held_out.sync()?;
         self.progress.memory = self.memory.len();
         self.progress.held_out = self.held_out.len();
         self.progress.seconds = self.clock.seconds();
-        let folder = last_checkpoint(&self.folder);
+        let folder = checkpoint::last(&self.folder);
         checkpoint::save(&folder, &self.learner, &self.progress, &self.describe)
             .with_context(|| format!("the checkpoint before this one is still in {}", folder.display()))?;
         self.clock.saved = Instant::now();
         Ok(())
     }
-}
-
-/// Folder of the checkpoint that a run resumes from.
-pub fn last_checkpoint(run: &Path) -> PathBuf {
-    run.join("checkpoints/last")
-}
-
-/// Folder of the checkpoint with the best validation loss.
-pub fn best_checkpoint(run: &Path) -> PathBuf {
-    run.join("checkpoints/best")
 }
 
 /// What a checkpoint tells those who load it: the network's shape, and how its inputs and plans are made.

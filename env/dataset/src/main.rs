@@ -5,6 +5,7 @@
 mod cli;
 
 use clap::{Parser, Subcommand};
+use nbp_env::explain::told_once;
 use std::process::ExitCode;
 
 #[derive(Parser)]
@@ -46,7 +47,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", cli::explain(&error));
+            eprintln!("error: {}", told_once(error.chain().map(ToString::to_string)));
             ExitCode::FAILURE
         }
     }

@@ -10,17 +10,18 @@ mod setup;
 mod talk;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use nbp_env::explain::told_once;
 use nbp_model::DeviceChoice;
 use std::process::ExitCode;
 use talk::Talk;
 
 const EXAMPLES: &str = "\
 Examples:
-  infer rollout --scene maps/normal/3001 --policy fbe --steps 200 --out out/fbe
-  infer rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/first/best --out out/map01
-  infer eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/first/best --out out/eval
-  infer import nbp_weights.pth --out checkpoints/released
-  infer predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
+  cargo run -p infer -- rollout --scene maps/normal/3001 --policy fbe --steps 200 --out out/fbe
+  cargo run -p infer -- rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/quickstart/checkpoints/best --out out/map01
+  cargo run -p infer -- eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/quickstart/checkpoints/best --out out/eval
+  cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
+  cargo run -p infer -- predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
 
 In the source tree, `cargo run -p infer --` stands for `infer`.
 Results go to standard output, talk goes to standard error. Exit codes: 0 done, 1 failed, 2 not understood.";
@@ -78,7 +79,7 @@ pub(crate) fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", told_once(&error));
+            eprintln!("error: {}", told_once(error.chain().map(ToString::to_string)));
             ExitCode::FAILURE
         }
     }
@@ -96,15 +97,6 @@ fn usage(message: &str) -> ! {
     Cli::command().error(clap::error::ErrorKind::MissingRequiredArgument, message).exit()
 }
 
-/// An error and its causes in one line, without the causes that it already tells.
-fn told_once(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
-        "" => cause,
-        _ if told.contains(&cause) => told,
-        _ => format!("{told}: {cause}"),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,6 +112,9 @@ mod tests {
         let inner = std::io::Error::other("the disk is full");
         let error =
             Err::<(), _>(inner).context("cannot write a.png: the disk is full").context("while drawing").unwrap_err();
-        assert_eq!(told_once(&error), "while drawing: cannot write a.png: the disk is full");
+        assert_eq!(
+            told_once(error.chain().map(ToString::to_string)),
+            "while drawing: cannot write a.png: the disk is full"
+        );
     }
 }

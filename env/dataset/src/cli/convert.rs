@@ -1,9 +1,10 @@
 //! `dataset convert`.
 
-use super::{Column, bar, explain, print_table};
+use super::{Column, bar, print_table};
 use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
 use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
+use nbp_env::explain::told_once;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -80,7 +81,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let bar = bar(jobs.len(), "converting");
     let one = |job: &Job| -> Outcome {
-        let done = convert_one(job, args).map_err(|error| format!("{}: {}", job.path.display(), explain(&error)));
+        let done = convert_one(job, args)
+            .map_err(|error| format!("{}: {}", job.path.display(), told_once(error.chain().map(ToString::to_string))));
         bar.inc(1);
         done
     };

@@ -17,17 +17,6 @@ pub(crate) fn bar(count: usize, what: &'static str) -> ProgressBar {
     bar.with_message(what)
 }
 
-/// An error with its causes; causes that the message quotes already are not repeated.
-pub(crate) fn explain(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| {
-        match (text.is_empty(), text.contains(&cause)) {
-            (true, _) => cause,
-            (_, true) => text,
-            (_, false) => format!("{text}: {cause}"),
-        }
-    })
-}
-
 /// One column of a table: a heading, decimals, and the figure of a row.
 pub(crate) struct Column<T> {
     pub(crate) heading: &'static str,
