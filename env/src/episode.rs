@@ -82,7 +82,7 @@ impl SimConfig {
         let is_positive = |v: f32| v.is_finite() && v > 0.0;
         let checks: [(bool, &'static str, String, &'static str); 7] = [
             (
-                pixels >= 16 && pixels % 16 == 0 && pixels <= 4096,
+                pixels >= 16 && pixels.is_multiple_of(16) && pixels <= 4096,
                 "encode.window.pixels",
                 pixels.to_string(),
                 "a multiple of 16 from 16 to 4096",
@@ -141,7 +141,7 @@ impl World {
         Ok(Self {
             surface: Surface::of(&scene, &config.coverage),
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
-            sensor: DepthCamera(config.camera.clone()),
+            sensor: DepthCamera(config.camera),
             config: config.clone(),
             scene,
         })

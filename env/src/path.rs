@@ -89,7 +89,7 @@ mod tests {
         let (low, high) = (a.min(b), a.max(b));
         let index = ((low.i * SIDE + low.k) * 2 + i32::from(high.i > low.i)) as usize;
         let value = table[index % table.len()];
-        (value % 7 != 0).then_some(f32::from(value % 5) + 1.0)
+        (!value.is_multiple_of(7)).then_some(f32::from(value % 5) + 1.0)
     }
 
     proptest! {

@@ -186,7 +186,7 @@ pub fn load(
         .map_err(|e| damaged(RECORD_FILE, format!("it is of another network: {e}")))?;
     let optim =
         optim.init().from_bytes(checked(OPTIMISER_FILE)?).map_err(|e| damaged(OPTIMISER_FILE, e.to_string()))?;
-    let learner = Learner { net, optim, config: config.clone(), device: device.clone(), steps: state.progress.steps };
+    let learner = Learner { net, optim, config: *config, device: device.clone(), steps: state.progress.steps };
     Ok((learner, state.progress))
 }
 

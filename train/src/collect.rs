@@ -172,6 +172,6 @@ mod tests {
         let single: f32 = samples.iter().map(|s| s.labels[0].gain).sum();
         let start = samples[0].labels[0].gain;
         assert!(single <= 100.0 * trajectory.coverage + 1e-3 && single > start);
-        assert!(samples[0].obstacles.iter().any(|&o| o == 1));
+        assert!(samples[0].obstacles.contains(&1));
     }
 }

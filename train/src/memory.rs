@@ -267,7 +267,7 @@ mod tests {
         let window = Window { size: WindowSize { pixels: 16, metres: 10.0 }, centre: [-3, n as i32], height: 1.65 };
         let counts = (0..2 * 256).map(|i| if i % 37 == 0 { (n * 300 + i) as u16 } else { 0 }).collect();
         let label = ValueLabel { heading: Heading::new(n as usize), row: 1, col: 2, gain: n as f32 / 3.0 };
-        let obstacles = (0..256).map(|i| u8::from((i + n) % 5 == 0)).collect();
+        let obstacles = (0..256).map(|i| u8::from((i + n).is_multiple_of(5))).collect();
         Sample {
             input: EncoderInput { window, channels: 2, counts },
             step: n as usize,

@@ -68,10 +68,10 @@ impl DensityGrid {
         let (low, high) = (self.size.world_pixel(low), self.size.world_pixel(high));
         self.counts.iter_mut().for_each(|grid| grid.include(low, high));
         for &point in points {
-            if let Some(layer) = self.layers.layer(point.y, self.camera_plane) {
-                if let Some(count) = self.counts[layer].get_mut(self.size.world_pixel(point)) {
-                    *count = count.saturating_add(1);
-                }
+            if let Some(layer) = self.layers.layer(point.y, self.camera_plane)
+                && let Some(count) = self.counts[layer].get_mut(self.size.world_pixel(point))
+            {
+                *count = count.saturating_add(1);
             }
         }
     }

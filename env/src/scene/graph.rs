@@ -109,10 +109,10 @@ impl LatticeGraph {
             while let Some(node) = queue.pop_front() {
                 component.push(node);
                 for next in self.neighbours(node) {
-                    if let Some(index) = self.lattice.index(next) {
-                        if !std::mem::replace(&mut seen[index], true) {
-                            queue.push_back(next);
-                        }
+                    if let Some(index) = self.lattice.index(next)
+                        && !std::mem::replace(&mut seen[index], true)
+                    {
+                        queue.push_back(next);
                     }
                 }
             }

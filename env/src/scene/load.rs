@@ -106,10 +106,11 @@ pub fn infer_settings(mesh: &Mesh) -> Settings {
     for [a, b, c] in mesh.iter_corners() {
         let normal = (b - a).cross(c - a);
         let (bottom, top) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
-        if normal.y.abs() > 0.95 * normal.length() && top + CAMERA_HEIGHT < high.y {
-            if let Some(sum) = area.get_mut(bin(bottom)) {
-                *sum += normal.length();
-            }
+        if normal.y.abs() > 0.95 * normal.length()
+            && top + CAMERA_HEIGHT < high.y
+            && let Some(sum) = area.get_mut(bin(bottom))
+        {
+            *sum += normal.length();
         }
     }
     // The first of equals: the lowest floor.

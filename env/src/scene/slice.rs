@@ -60,10 +60,10 @@ impl ObstacleGrid {
             for x in index(from.x)..=index(to.x) {
                 for z in index(from.y)..=index(to.y) {
                     let middle = (Vec2::new(x as f32, z as f32) + 0.5) * pixel;
-                    if distance_to_segment(middle, a, b) <= reach {
-                        if let Some(at) = grid.index([x, z]) {
-                            grid.blocked[at] = true;
-                        }
+                    if distance_to_segment(middle, a, b) <= reach
+                        && let Some(at) = grid.index([x, z])
+                    {
+                        grid.blocked[at] = true;
                     }
                 }
             }
@@ -126,6 +126,6 @@ mod tests {
                 }
             }
         }
-        assert!(crop_a.iter().any(|&v| v == 1));
+        assert!(crop_a.contains(&1));
     }
 }
