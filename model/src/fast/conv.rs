@@ -13,7 +13,7 @@ pub(super) struct Geometry {
     pub(super) cout: usize,
     pub(super) height: usize,
     pub(super) width: usize,
-    /// 1 or 3.
+    /// 1 or 3, or 2 for a quarter of an [`super::up`] convolution.
     pub(super) kernel: usize,
 }
 
@@ -34,7 +34,7 @@ impl Geometry {
         if self.kernel == 1 { Self { height: 1, width: self.area(), ..self } } else { self }
     }
 
-    fn area(&self) -> usize {
+    pub(super) fn area(&self) -> usize {
         self.height * self.width
     }
 
@@ -46,7 +46,7 @@ impl Geometry {
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
 pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let (size, taps) = (size.flat(), size.kernel * size.kernel);
-    rows(size, &size.pad(x), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
+    rows(size, &Source::new(&size.pad(x), size.cin), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
@@ -57,31 +57,58 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
         // A convolution with the kernel turned by 180° and inputs and outputs exchanged.
         let turned = Geometry { cin: size.cout, cout: size.cin, ..size };
         let at = |o: usize, i: usize, t: usize| weight[(i * size.cin + o) * taps + taps - 1 - t];
-        rows(turned, &padded_g, at, &vec![0.0; size.cin])
+        rows(turned, &Source::new(&padded_g, size.cout), at, &vec![0.0; size.cin])
     });
-    let weight = products(size, &size.pad(x), &padded_g);
+    let padded_x = size.pad(x);
+    let g_from = &padded_g.numbers[padded_g.first_pixel(size.kernel / 2)..];
+    let weight = products(size, &padded_x, &padded_x.numbers, g_from);
     Gradients { x: x_gradient, weight, bias: plane_sums(size, g) }
 }
 
+/// Padded planes that a convolution reads.
+#[derive(Debug)]
+pub(super) struct Source<'a> {
+    pub(super) numbers: &'a [f32],
+    /// Numbers from row to row.
+    pub(super) pitch: usize,
+    /// Where the line of each input plane of the first sample starts.
+    pub(super) lines: Vec<usize>,
+    /// Numbers from sample to sample.
+    pub(super) sample: usize,
+}
+
+impl<'a> Source<'a> {
+    /// Samples of `channels` planes, one after the other.
+    fn new(padded: &'a Padded, channels: usize) -> Self {
+        let lines = (0..channels).map(|channel| channel * padded.plane).collect();
+        Self { numbers: &padded.numbers, pitch: padded.pitch, lines, sample: channels * padded.plane }
+    }
+}
+
 /// The convolution of padded planes; `weight(output, input, tap)`.
-fn rows(size: Geometry, x: &Padded, weight: impl Fn(usize, usize, usize) -> f32, bias: &[f32]) -> Vec<f32> {
+pub(super) fn rows(
+    size: Geometry,
+    x: &Source<'_>,
+    weight: impl Fn(usize, usize, usize) -> f32,
+    bias: &[f32],
+) -> Vec<f32> {
     if Machine::new().is_wide { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
 }
 
 fn rows_by<const CO: usize>(
     size: Geometry,
-    x: &Padded,
+    x: &Source<'_>,
     weight: impl Fn(usize, usize, usize) -> f32,
     bias: &[f32],
 ) -> Vec<f32> {
     let (arch, area, kernel) = (Arch::new(), size.area(), size.kernel);
     let taps: Vec<usize> = (0..kernel * kernel).map(|t| t / kernel * x.pitch + t % kernel).collect();
     let cover = Cover::new(size.height, size.width, x.pitch, Machine::new().lanes);
-    let blocks = size.cout.div_ceil(CO);
+    let per_block = size.cin * taps.len();
     // Weights in the order in which the kernel reads them; a block that is not full gets zeros.
-    let packed: Vec<[f32; CO]> = (0..blocks * size.cin * taps.len())
+    let packed: Vec<[f32; CO]> = (0..size.cout.div_ceil(CO) * per_block)
         .map(|at| {
-            let (block, input, tap) = (at / taps.len() / size.cin, at / taps.len() % size.cin, at % taps.len());
+            let (block, input, tap) = (at / per_block, at / taps.len() % size.cin, at % taps.len());
             let one = |k: usize| if block * CO + k < size.cout { weight(block * CO + k, input, tap) } else { 0.0 };
             std::array::from_fn(one)
         })
@@ -94,11 +121,10 @@ fn rows_by<const CO: usize>(
         .collect();
     tasks.into_par_iter().for_each(|(sample, block, out)| {
         arch.dispatch(Rows::<CO> {
-            x: &x.numbers[sample * size.cin * x.plane..],
-            plane: x.plane,
-            pitch: x.pitch,
+            x: &x.numbers[sample * x.sample..],
+            lines: &x.lines,
             taps: &taps,
-            weights: &packed[block * size.cin * taps.len()..(block + 1) * size.cin * taps.len()],
+            weights: &packed[block * per_block..(block + 1) * per_block],
             bias: std::array::from_fn(|k| bias.get(block * CO + k).copied().unwrap_or(0.0)),
             cover: &cover,
             area,
@@ -108,34 +134,37 @@ fn rows_by<const CO: usize>(
     out
 }
 
-/// The weights' gradient, `[out, in, k, k]`.
+/// The weights' gradient, `[out, in, k, k]`, of inputs `x` and gradients `g`, both padded as `shape`; `x` starts at the
+/// first tap and `g` at the first pixel.
 ///
 /// Each task owns a few outputs and walks all samples in order, so there are no partial sums that depend on the threads.
-fn products(size: Geometry, x: &Padded, g: &Padded) -> Vec<f32> {
+pub(super) fn products(size: Geometry, shape: &Padded, x: &[f32], g: &[f32]) -> Vec<f32> {
     match (size.kernel, Machine::new().is_wide) {
-        (1, true) => products_by::<4, 4, 1>(size, x, g),
-        (1, false) => products_by::<2, 4, 1>(size, x, g),
-        (_, true) => products_by::<4, 2, 3>(size, x, g),
-        (_, false) => products_by::<2, 2, 3>(size, x, g),
+        (1, true) => products_by::<4, 4, 1>(size, shape, x, g),
+        (1, false) => products_by::<2, 4, 1>(size, shape, x, g),
+        (2, true) => products_by::<4, 2, 2>(size, shape, x, g),
+        (2, false) => products_by::<2, 2, 2>(size, shape, x, g),
+        (_, true) => products_by::<4, 2, 3>(size, shape, x, g),
+        (_, false) => products_by::<2, 2, 3>(size, shape, x, g),
     }
 }
 
 fn products_by<const CO: usize, const CI: usize, const TAPS: usize>(
     size: Geometry,
-    x: &Padded,
-    g: &Padded,
+    shape: &Padded,
+    x: &[f32],
+    g: &[f32],
 ) -> Vec<f32> {
     let arch = Arch::new();
-    let taps: Vec<[usize; TAPS]> = (0..size.kernel).map(|y| std::array::from_fn(|t| y * x.pitch + t)).collect();
-    let first_pixel = size.kernel / 2 * (g.pitch + 1);
+    let taps: Vec<[usize; TAPS]> = (0..size.kernel).map(|y| std::array::from_fn(|t| y * shape.pitch + t)).collect();
     let per_output = size.cin * size.kernel * size.kernel;
     let mut out = vec![0.0; size.cout * per_output];
     out.par_chunks_mut(CO * per_output).enumerate().for_each(|(block, out)| {
         arch.dispatch(Products::<CO, CI, TAPS> {
-            g: &g.numbers[first_pixel..],
-            x: &x.numbers,
-            plane: x.plane,
-            end: (size.height - 1) * x.pitch + size.width,
+            g,
+            x,
+            plane: shape.plane,
+            end: (size.height - 1) * shape.pitch + size.width,
             batch: size.batch,
             cin: size.cin,
             cout: size.cout,
@@ -148,7 +177,7 @@ fn products_by<const CO: usize, const CI: usize, const TAPS: usize>(
 }
 
 /// Sums of each output plane over pixels and samples, in a fixed order.
-fn plane_sums(size: Geometry, g: &[f32]) -> Vec<f32> {
+pub(super) fn plane_sums(size: Geometry, g: &[f32]) -> Vec<f32> {
     let area = size.area();
     (0..size.cout)
         .into_par_iter()

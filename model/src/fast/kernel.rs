@@ -97,10 +97,10 @@ impl Cover {
 
 /// `CO` planes of a convolution's answer.
 pub(super) struct Rows<'a, const CO: usize> {
-    /// One sample, padded, from its first plane on.
+    /// One sample, padded.
     pub(super) x: &'a [f32],
-    pub(super) plane: usize,
-    pub(super) pitch: usize,
+    /// Where the line of each input plane starts.
+    pub(super) lines: &'a [usize],
     /// Where each tap lies relative to the first.
     pub(super) taps: &'a [usize],
     /// Weights: input plane, tap, then `CO` outputs.
@@ -154,8 +154,8 @@ impl<const CO: usize> Rows<'_, CO> {
     #[inline(always)]
     fn sum<S: Simd, const N: usize>(&self, simd: S, vectors: [Vector; N], sums: &mut [[S::f32s; N]; CO]) {
         let mut local: [[S::f32s; N]; CO] = std::array::from_fn(|k| [simd.splat_f32s(self.bias[k]); N]);
-        for (channel, weights) in self.weights.chunks_exact(self.taps.len()).enumerate() {
-            let lines = vectors.map(|vector| &self.x[channel * self.plane + vector.origin..]);
+        for (&start, weights) in self.lines.iter().zip(self.weights.chunks_exact(self.taps.len())) {
+            let lines = vectors.map(|vector| &self.x[start + vector.origin..]);
             for (weights, &tap) in weights.iter().zip(self.taps) {
                 let pixels = lines.map(|line| S::as_simd_f32s(&line[tap..tap + S::F32_LANES]).0[0]);
                 for k in 0..CO {

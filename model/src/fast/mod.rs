@@ -1,7 +1,7 @@
-//! Our own convolution and batch norm for the CPU back end, which decide how much a short training run can learn.
+//! Our own convolution, batch norm and the like for the CPU back end, which decide how much a short training run can learn.
 //!
 //! Burn's `flex` runs both directions of a convolution's backward pass as generic convolutions over permuted copies, and
-//! batch norm as a chain of passes over memory. Here they are direct kernels (`conv`, `norm` over `kernel` and `buffer`),
+//! batch norm as a chain of passes over memory. Here they are direct kernels (`conv`, `up`, `norm`, `planes`, over `kernel` and `buffer`),
 //! registered as operations of Burn (`ops`). Every other device takes Burn's own operators, as does `flex` after
 //! [`enable`]`(false)`. Results are the same bytes for any number of threads: each number is summed by one task in one
 //! order.
@@ -11,6 +11,8 @@ mod conv;
 mod kernel;
 mod norm;
 mod ops;
+mod planes;
+mod up;
 
 use burn::backend::Dispatch;
 use burn::prelude::*;
@@ -31,19 +33,32 @@ fn takes<const D: usize>(x: &Tensor<D>) -> bool {
     ENABLED.load(Ordering::Relaxed) && x.dtype() == DType::F32 && x.device() == Device::flex()
 }
 
-/// Same-size convolution, `None` if Burn has to do it.
+/// Same-size convolution, of the input at twice its size if `doubled`; `None` if Burn has to do it.
 ///
 /// # Shapes
-/// `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]`.
-pub(crate) fn conv(x_bchw: &Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>) -> Option<Tensor<4>> {
+/// `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]` or `[b, out, 2h, 2w]`.
+pub(crate) fn conv(x_bchw: &Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>, doubled: bool) -> Option<Tensor<4>> {
     let [_, _, rows, cols] = weight.dims();
-    (takes(x_bchw) && rows == cols && (rows == 1 || rows == 3)).then(|| {
-        let (x, weight, bias) = (x_bchw.clone(), weight.clone(), bias.clone());
-        Tensor::from_dispatch(<Dispatch as FastOps>::fast_conv(
-            x.into_dispatch(),
-            weight.into_dispatch(),
-            bias.into_dispatch(),
-        ))
+    let known = rows == cols && (rows == 3 || rows == 1 && !doubled);
+    (takes(x_bchw) && known).then(|| {
+        let (x, weight, bias) = (x_bchw.clone().into_dispatch(), weight.clone().into_dispatch(), bias.clone());
+        Tensor::from_dispatch(<Dispatch as FastOps>::fast_conv(x, weight, bias.into_dispatch(), doubled))
+    })
+}
+
+/// 2×2 maximum pool of even sides, `None` if Burn has to do it.
+pub(crate) fn pool(x_bchw: &Tensor<4>) -> Option<Tensor<4>> {
+    let [_, _, h, w] = x_bchw.dims();
+    let known = h.is_multiple_of(2) && w.is_multiple_of(2);
+    (takes(x_bchw) && known)
+        .then(|| Tensor::from_dispatch(<Dispatch as FastOps>::fast_pool(x_bchw.clone().into_dispatch())))
+}
+
+/// `[b, c, h, w]` · `[b, 1, h, w]`, `None` if Burn has to do it.
+pub(crate) fn scale(x_bchw: &Tensor<4>, factor_b1hw: &Tensor<4>) -> Option<Tensor<4>> {
+    takes(x_bchw).then(|| {
+        let (x, factor) = (x_bchw.clone().into_dispatch(), factor_b1hw.clone().into_dispatch());
+        Tensor::from_dispatch(<Dispatch as FastOps>::fast_scale(x, factor))
     })
 }
 

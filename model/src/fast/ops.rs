@@ -2,6 +2,7 @@
 
 use super::conv::{self, Geometry};
 use super::norm::{self, Channels, Planes};
+use super::{planes, up};
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
@@ -15,7 +16,13 @@ type Flexed = FloatTensor<Flex>;
 #[backend_extension(Autodiff, Flex)]
 pub(super) trait FastOps: Backend {
     /// Same-size convolution: `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]`.
-    fn fast_conv(x: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self>;
+    /// If `doubled`, the input is seen at twice its size, by nearest neighbour.
+    fn fast_conv(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        doubled: bool,
+    ) -> FloatTensor<Self>;
 
     /// Batch norm with the batch's statistics: `[b, c, h, w]`, `[c]`, `[c]` → the same, mean and biased variance.
     fn fast_norm_train(
@@ -36,6 +43,12 @@ pub(super) trait FastOps: Backend {
         epsilon: f32,
         relu: bool,
     ) -> FloatTensor<Self>;
+
+    /// 2×2 maximum pool.
+    fn fast_pool(x: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// Planes times one plane: `[b, c, h, w]` · `[b, 1, h, w]`.
+    fn fast_scale(x: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self>;
 }
 
 /// The numbers of a tensor in row-major order, copied only if they do not lie so.
@@ -63,22 +76,24 @@ fn geometry(x: &Flexed, weight: &Flexed) -> Geometry {
     Geometry { batch, cin, cout, height, width, kernel }
 }
 
-fn planes(x: &Flexed) -> Planes {
+fn plane_sizes(x: &Flexed) -> Planes {
     let [batch, channels, height, width] = dims(x);
     Planes { batch, channels, area: height * width }
 }
 
 impl FastOps for Flex {
-    fn fast_conv(x: Flexed, weight: Flexed, bias: Flexed) -> Flexed {
+    fn fast_conv(x: Flexed, weight: Flexed, bias: Flexed, doubled: bool) -> Flexed {
         let (x, weight, bias) = (contiguous(x), contiguous(weight), contiguous(bias));
         let size = geometry(&x, &weight);
-        let out = conv::forward(size, numbers(&x), numbers(&weight), numbers(&bias));
-        tensor(out, [size.batch, size.cout, size.height, size.width])
+        let forward = if doubled { up::forward } else { conv::forward };
+        let times = if doubled { 2 } else { 1 };
+        let out = forward(size, numbers(&x), numbers(&weight), numbers(&bias));
+        tensor(out, [size.batch, size.cout, times * size.height, times * size.width])
     }
 
     fn fast_norm_train(x: Flexed, weight: Flexed, bias: Flexed, epsilon: f32, relu: bool) -> (Flexed, Flexed, Flexed) {
         let x = contiguous(x);
-        let (mean, var) = norm::statistics(planes(&x), numbers(&x));
+        let (mean, var) = norm::statistics(plane_sizes(&x), numbers(&x));
         let channels = dims::<2>(&x)[1];
         let (mean, var) = (tensor(mean, [channels]), tensor(var, [channels]));
         (Self::fast_norm(x, weight, bias, mean.clone(), var.clone(), epsilon, relu), mean, var)
@@ -102,17 +117,33 @@ impl FastOps for Flex {
             epsilon,
             relu,
         };
-        tensor(norm::forward(planes(&x), numbers(&x), channels), dims::<4>(&x))
+        tensor(norm::forward(plane_sizes(&x), numbers(&x), channels), dims::<4>(&x))
+    }
+
+    fn fast_pool(x: Flexed) -> Flexed {
+        let x = contiguous(x);
+        let [batch, channels, height, width] = dims(&x);
+        tensor(planes::pool(numbers(&x), width), [batch, channels, height / 2, width / 2])
+    }
+
+    fn fast_scale(x: Flexed, factor: Flexed) -> Flexed {
+        let (x, factor) = (contiguous(x), contiguous(factor));
+        tensor(planes::scale(plane_sizes(&x), numbers(&x), numbers(&factor)), dims::<4>(&x))
     }
 }
 
 impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
-    fn fast_conv(x: FloatTensor<Self>, weight: FloatTensor<Self>, bias: FloatTensor<Self>) -> FloatTensor<Self> {
+    fn fast_conv(
+        x: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        doubled: bool,
+    ) -> FloatTensor<Self> {
         let nodes = [x.node(), weight.node(), bias.node()];
         let [x, weight, bias] = [x, weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
-        let out = Flex::fast_conv(x.clone(), weight.clone(), bias);
+        let out = Flex::fast_conv(x.clone(), weight.clone(), bias, doubled);
         match ConvBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((x, weight), out),
+            OpsKind::Tracked(prep) => prep.finish(ConvState { x, weight, doubled }, out),
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
     }
@@ -148,21 +179,48 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
         let [x, weight, bias, mean, var] = [x, weight, bias, mean, var].map(|tensor| tensor.into_primitive());
         FloatTensor::<Self>::new(Flex::fast_norm(x, weight, bias, mean, var, epsilon, relu))
     }
+
+    fn fast_pool(x: FloatTensor<Self>) -> FloatTensor<Self> {
+        let nodes = [x.node()];
+        let x = contiguous(x.into_primitive());
+        let out = Flex::fast_pool(x.clone());
+        match PoolBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(x, out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn fast_scale(x: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self> {
+        let nodes = [x.node(), factor.node()];
+        let [x, factor] = [x, factor].map(|tensor| contiguous(tensor.into_primitive()));
+        let out = Flex::fast_scale(x.clone(), factor.clone());
+        match ScaleBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish((x, factor), out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct ConvState {
+    x: Flexed,
+    weight: Flexed,
+    doubled: bool,
 }
 
 #[derive(Debug)]
 struct ConvBackward;
 
 impl Backward<Flex, 3> for ConvBackward {
-    /// Input and weight.
-    type State = (Flexed, Flexed);
+    type State = ConvState;
 
     fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
         let g = contiguous(grads.consume::<Flex>(&ops.node));
-        let (x, weight) = ops.state;
+        let ConvState { x, weight, doubled } = ops.state;
         let [node_x, node_weight, node_bias] = ops.parents;
         let size = geometry(&x, &weight);
-        let found = conv::backward(size, numbers(&x), numbers(&weight), numbers(&g), node_x.is_some());
+        let backward = if doubled { up::backward } else { conv::backward };
+        let found = backward(size, numbers(&x), numbers(&weight), numbers(&g), node_x.is_some());
         if let (Some(node), Some(gradient)) = (node_x, found.x) {
             grads.register::<Flex>(node.id, tensor(gradient, dims::<4>(&x)));
         }
@@ -203,7 +261,7 @@ impl Backward<Flex, 3> for NormBackward {
             epsilon,
             relu,
         };
-        let found = norm::backward(planes(&x), numbers(&x), channels, numbers(&g));
+        let found = norm::backward(plane_sizes(&x), numbers(&x), channels, numbers(&g));
         let [node_x, node_weight, node_bias] = ops.parents;
         if let Some(node) = node_x {
             grads.register::<Flex>(node.id, tensor(found.x, dims::<4>(&x)));
@@ -213,6 +271,44 @@ impl Backward<Flex, 3> for NormBackward {
         }
         if let Some(node) = node_bias {
             grads.register::<Flex>(node.id, tensor(found.bias, dims::<1>(&bias)));
+        }
+    }
+}
+
+#[derive(Debug)]
+struct PoolBackward;
+
+impl Backward<Flex, 1> for PoolBackward {
+    /// Input.
+    type State = Flexed;
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let g = contiguous(grads.consume::<Flex>(&ops.node));
+        let x = ops.state;
+        if let [Some(node)] = ops.parents {
+            let shape = dims::<4>(&x);
+            grads.register::<Flex>(node.id, tensor(planes::pool_backward(numbers(&x), shape[3], numbers(&g)), shape));
+        }
+    }
+}
+
+#[derive(Debug)]
+struct ScaleBackward;
+
+impl Backward<Flex, 2> for ScaleBackward {
+    /// Planes and factor.
+    type State = (Flexed, Flexed);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let g = contiguous(grads.consume::<Flex>(&ops.node));
+        let (x, factor) = ops.state;
+        let [node_x, node_factor] = ops.parents;
+        if let Some(node) = node_factor {
+            let found = planes::scale_backward(plane_sizes(&x), numbers(&x), numbers(&g));
+            grads.register::<Flex>(node.id, tensor(found, dims::<4>(&factor)));
+        }
+        if let Some(node) = node_x {
+            grads.register::<Flex>(node.id, Flex::fast_scale(g, factor));
         }
     }
 }

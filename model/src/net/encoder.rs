@@ -2,6 +2,7 @@
 
 use super::block::ConvBlock;
 use super::init::Init;
+use crate::fast;
 use burn::prelude::*;
 use burn::tensor::module::max_pool2d;
 use burn::tensor::ops::MaxPoolOptions;
@@ -55,5 +56,5 @@ impl Encoder {
 }
 
 fn halve(x_bchw: Tensor<4>) -> Tensor<4> {
-    max_pool2d(x_bchw, MaxPoolOptions::new([2, 2]))
+    fast::pool(&x_bchw).unwrap_or_else(|| max_pool2d(x_bchw, MaxPoolOptions::new([2, 2])))
 }

@@ -3,6 +3,7 @@
 use super::conv::Conv;
 use super::init::Init;
 use super::norm::Norm;
+use crate::fast;
 use burn::prelude::*;
 use burn::tensor::activation::{relu, sigmoid};
 
@@ -39,6 +40,7 @@ impl Gate {
         let g_bihw = self.norm_g.forward(self.conv_g.forward(g_bchw));
         let x_bihw = self.norm_x.forward(self.conv_x.forward(x_bchw.clone()));
         let psi_b1hw = self.norm_psi.forward(self.conv_psi.forward(relu(g_bihw + x_bihw)));
-        x_bchw * sigmoid(psi_b1hw)
+        let weight_b1hw = sigmoid(psi_b1hw);
+        fast::scale(&x_bchw, &weight_b1hw).unwrap_or_else(|| x_bchw * weight_b1hw)
     }
 }
