@@ -34,7 +34,7 @@ pub struct SimConfig {
     pub encode: EncodeConfig,
     /// How coverage is measured.
     pub coverage: CoverageConfig,
-    /// Share of a frame's pixels that become points (released code: 0.05).
+    /// Share of a frame's pixels that become points, rounded to one in a whole number (released code: 0.05, one in 20).
     pub keep: f32,
     /// Captures during a step, the one at its end included (released code: 4).
     pub captures: usize,
@@ -58,6 +58,18 @@ pub enum SimError {
     /// In the camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// Nothing to cover.
+    #[error(
+        "scene {scene}: no triangle lies in the box from {low} to {high} m: check scene.x_min, scene.x_max and the units"
+    )]
+    NoSurface {
+        /// Scene name.
+        scene: String,
+        /// Lower corner of its box.
+        low: Vec3,
+        /// Upper corner.
+        high: Vec3,
+    },
     /// Anywhere else.
     #[error("sim.{field} is {value}: it must be {want}")]
     Field {
@@ -135,11 +147,16 @@ impl World {
     /// Prepares a scene for episodes.
     ///
     /// # Errors
-    /// When a setting is out of range.
+    /// When a setting is out of range or the scene has no surface to cover.
     pub fn new(scene: Scene, config: &SimConfig) -> Result<Self, SimError> {
         config.validate()?;
+        let surface = Surface::of(&scene, &config.coverage);
+        if surface.is_empty() {
+            let [low, high] = scene.bounds();
+            return Err(SimError::NoSurface { scene: scene.name().into(), low, high });
+        }
         Ok(Self {
-            surface: Surface::of(&scene, &config.coverage),
+            surface,
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
             sensor: DepthCamera(config.camera),
             config: config.clone(),
@@ -185,7 +202,7 @@ pub struct Episode {
     pose: LatticePose,
     step: usize,
     horizon: usize,
-    pixels: Rng,
+    pixels: SeedTree,
     frame: Frame,
     curve: Vec<f32>,
     covered: Vec<usize>,
@@ -204,7 +221,7 @@ impl Episode {
             pose: start,
             step: 0,
             horizon,
-            pixels: seed.child("pixels", 0).rng(),
+            pixels: seed.child("pixels", 0),
             frame: Frame::default(),
             curve: Vec::with_capacity(horizon + 1),
             covered: Vec::with_capacity(horizon + 1),
@@ -213,7 +230,7 @@ impl Episode {
             world,
         };
         let pose = episode.world.scene.lattice().pose(start);
-        episode.capture(&pose);
+        episode.capture(&pose, 0);
         episode.arrive();
         episode
     }
@@ -236,7 +253,7 @@ impl Episode {
             let (from, to) = (lattice.pose(self.pose), lattice.pose(target));
             let captures = self.world.config.captures;
             for n in 1..=captures {
-                self.capture(&from.interpolate(&to, n as f32 / captures as f32));
+                self.capture(&from.interpolate(&to, n as f32 / captures as f32), n);
             }
             self.path_length += from.position.distance(to.position);
             self.pose = target;
@@ -301,11 +318,13 @@ impl Episode {
         self.covered.push(self.coverage.covered());
     }
 
-    fn capture(&mut self, pose: &Pose) {
+    fn capture(&mut self, pose: &Pose, number: usize) {
         let world = Arc::clone(&self.world);
         let camera = world.sensor.camera();
         world.sensor.capture(&world.scene, pose, &mut self.frame);
-        let points = keep_points(camera, pose, &self.frame, world.config.keep, &mut self.pixels);
+        // By step and capture, so that policies that took different ways still keep the same pixels.
+        let mut pixels = self.pixels.child("step", self.step as u64).child("capture", number as u64).rng();
+        let points = keep_points(camera, pose, &self.frame, world.config.keep, &mut pixels);
         self.coverage.add(&world.surface, &points, self.step as u32);
         self.map.integrate(camera, pose, &self.frame, &points);
     }

@@ -1,5 +1,7 @@
 //! Flips and quarter turns of a sample, headings included: the world has no preferred direction.
 //!
+//! A mirrored window has the agent's pixel at `S/2 − 1` instead of `S/2`: inputs and targets move alike.
+//!
 //! The released code defines such an augmentation and never calls it; the paper does not mention one.
 
 use nbp_env::label::{Sample, ValueLabel};

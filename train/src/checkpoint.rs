@@ -82,7 +82,9 @@ pub enum CheckpointError {
         source: std::io::Error,
     },
     /// A file does not check.
-    #[error("checkpoint {path} is damaged ({reason}): delete its folder to fall back on another, or start a new --run")]
+    #[error(
+        "checkpoint {path} is damaged ({reason}): delete its folder to fall back on checkpoints/best, or start a new --run"
+    )]
     Damaged {
         /// The file.
         path: PathBuf,

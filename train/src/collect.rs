@@ -1,6 +1,7 @@
 //! Gathering trajectories with the current model, and cutting them into samples (paper, section 4.3).
 
 use crate::config::CollectConfig;
+use crate::interrupt;
 use crate::memory::PackedSample;
 use nbp_env::episode::{Episode, World};
 use nbp_env::label::{Sample, Waypoint, value_labels};
@@ -9,7 +10,6 @@ use nbp_env::policy::nbp::{Nbp, Passability};
 use nbp_env::policy::{Plan, PolicyError};
 use nbp_env::{Heading, LatticePose, Policy, Predictor, SeedTree};
 use rand::RngExt as _;
-use rand::seq::IndexedRandom;
 use std::sync::Arc;
 
 /// What one trajectory gave.
@@ -26,10 +26,21 @@ pub struct Trajectory {
     pub plan: Option<Plan>,
 }
 
+/// Why there are no trajectories.
+#[derive(Debug, thiserror::Error)]
+pub enum CollectError {
+    /// The network failed.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+}
+
 /// `count` trajectories in each world, in parallel; the result does not depend on the number of threads.
 ///
 /// # Errors
-/// When the predictor fails.
+/// When the predictor fails or the user interrupts.
 pub fn trajectories(
     worlds: &[Arc<World>],
     predictor: &Arc<dyn Predictor>,
@@ -37,9 +48,12 @@ pub fn trajectories(
     count: usize,
     seed: SeedTree,
     on_done: impl Fn(&Trajectory) + Sync,
-) -> Result<Vec<Trajectory>, PolicyError> {
+) -> Result<Vec<Trajectory>, CollectError> {
     let jobs: Vec<(usize, usize)> = (0..worlds.len()).flat_map(|w| (0..count).map(move |n| (w, n))).collect();
     try_map(&jobs, |&(w, n)| {
+        if interrupt::asked() {
+            return Err(CollectError::Interrupted);
+        }
         let seed = seed.child("world", w as u64).child("trajectory", n as u64);
         let trajectory = trajectory(&worlds[w], predictor, config, seed)?;
         on_done(&trajectory);
@@ -54,14 +68,10 @@ fn trajectory(
     seed: SeedTree,
 ) -> Result<Trajectory, PolicyError> {
     let mut rng = seed.child("policy", 0).rng();
+    // Never empty: a scene without a free pose is none.
+    let nodes = world.scene().graph().largest_component();
     let start = LatticePose {
-        node: world
-            .scene()
-            .graph()
-            .largest_component()
-            .choose(&mut rng)
-            .copied()
-            .unwrap_or(world.scene().starts()[0].node),
+        node: nodes[rng.random_range(0..nodes.len())],
         heading: Heading::new(rng.random_range(0..8_usize)),
     };
     let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0));

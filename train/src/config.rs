@@ -91,6 +91,16 @@ impl SceneSet {
     }
 }
 
+impl SceneSet {
+    /// Whether both sets generate a map of the same level and seed.
+    fn overlaps(&self, other: &Self) -> bool {
+        let seeds = |set: &Self| set.seed..set.seed.saturating_add(set.count as u64);
+        let (a, b) = (seeds(self), seeds(other));
+        let are_generated = self.paths.is_empty() && other.paths.is_empty() && self.level == other.level;
+        are_generated && a.start < b.end && b.start < a.end
+    }
+}
+
 impl Default for SceneSet {
     fn default() -> Self {
         Self::generated(0, 1)
@@ -216,6 +226,9 @@ impl Default for EvalSection {
     }
 }
 
+/// A year.
+const MAX_MINUTES: f64 = 525_600.0;
+
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -261,7 +274,9 @@ impl Config {
     /// # Errors
     /// Naming the file or setting, the line and the key.
     pub fn load(files: &[PathBuf], settings: &[String]) -> Result<Self, ConfigError> {
-        let mut whole = toml::Table::new();
+        // From the defaults, not from nothing: a file that names one key of a table leaves the others as they are.
+        let mut whole = toml::Table::try_from(Self::default())
+            .map_err(|e| ConfigError::Schema { origin: "defaults".into(), reason: e.to_string() })?;
         for path in files {
             let text =
                 std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
@@ -286,16 +301,14 @@ impl Config {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let schema = |reason: String| ConfigError::Schema { origin: "checked values".into(), reason };
         self.sim.validate().map_err(|e| schema(e.to_string()))?;
+        self.policy.validate().map_err(|e| schema(format!("policy: {e}")))?;
+        self.collect.policy.validate().map_err(|e| schema(format!("collect.policy: {e}")))?;
         self.net_config().check().map_err(|e| schema(e.to_string()))?;
         for set in [&self.scenes.train, &self.scenes.held_out] {
             set.level.parse::<Level>().map_err(|reason| schema(format!("scenes: {reason}")))?;
         }
         let train = &self.train;
         let is_share = |v: f32| (0.0..=1.0).contains(&v);
-        let beta = match self.collect.policy.goal {
-            GoalRule::Boltzmann { beta } => beta,
-            GoalRule::Greedy => 1.0,
-        };
         let checks = [
             (train.iterations >= 1, "train.iterations", train.iterations.to_string(), "at least 1"),
             (train.epochs >= 1, "train.epochs", train.epochs.to_string(), "at least 1"),
@@ -319,7 +332,6 @@ impl Config {
                 self.optim.lr.to_string(),
                 "a positive number",
             ),
-            (beta > 0.0 && beta.is_finite(), "collect.policy.goal.beta", beta.to_string(), "a positive number"),
             (
                 self.collect.trajectories >= 1 && self.collect.first_trajectories >= 1,
                 "collect.trajectories",
@@ -328,6 +340,32 @@ impl Config {
             ),
             (self.collect.steps >= 1, "collect.steps", self.collect.steps.to_string(), "at least 1"),
             (self.eval.steps >= 1, "eval.steps", self.eval.steps.to_string(), "at least 1"),
+            (self.eval.starts >= 1, "eval.starts", self.eval.starts.to_string(), "at least 1"),
+            (!self.eval.policies.is_empty(), "eval.policies", "empty".into(), "a list of policies"),
+            (
+                train.checkpoint_minutes > 0.0 && train.checkpoint_minutes <= MAX_MINUTES,
+                "train.checkpoint_minutes",
+                train.checkpoint_minutes.to_string(),
+                "above 0 and at most a year",
+            ),
+            (
+                train.validation_share < 1.0,
+                "train.validation_share",
+                train.validation_share.to_string(),
+                "below 1: something must be left to learn from",
+            ),
+            (
+                self.scenes.held_out.count >= 1 || !self.scenes.held_out.paths.is_empty(),
+                "scenes.held_out",
+                "empty".into(),
+                "a count of generated maps or paths of scenes",
+            ),
+            (
+                !self.scenes.train.overlaps(&self.scenes.held_out),
+                "scenes.held_out.seed",
+                self.scenes.held_out.seed.to_string(),
+                "chosen so that no held-out map is a training map",
+            ),
             (
                 self.scenes.train.count >= 1 || !self.scenes.train.paths.is_empty(),
                 "scenes.train",
@@ -465,6 +503,9 @@ mod tests {
         assert_eq!(config.net.input_scale, InputScale::Log1p);
         assert_eq!(config.collect.policy.goal, GoalRule::Greedy);
         assert_eq!(config.train.iterations, TrainConfig::default().iterations);
+        let partial = load(&["[scenes.held_out]\ncount = 3\n[collect.policy]\nrandom_heading = 0.5"], &[]).unwrap();
+        assert_eq!(partial.scenes.held_out.seed, Config::default().scenes.held_out.seed);
+        assert_eq!(partial.collect.policy.goal, GoalRule::Boltzmann { beta: 0.5 });
     }
 
     #[test]
@@ -474,6 +515,9 @@ mod tests {
         assert!(message(&["seed = "], &[]).contains("0.toml"));
         assert!(message(&[], &["seed"]).contains("--set seed"));
         assert!(message(&[], &["train.batch=0"]).contains("train.batch is 0"));
+        assert!(message(&[], &["train.checkpoint_minutes=inf"]).contains("checkpoint_minutes"));
+        assert!(message(&[], &["scenes.held_out.seed=5"]).contains("no held-out map"));
+        assert!(message(&[], &["policy.blocking_pixels=0"]).contains("blocking_pixels"));
         assert!(message(&[], &["sim.encode.window.pixels=100"]).contains("window.pixels"));
         assert!(Config::load(&["nowhere.toml".into()], &[]).unwrap_err().to_string().contains("nowhere.toml"));
     }

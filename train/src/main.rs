@@ -82,27 +82,31 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
     }
     let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
     let device = config.device.resolve_for("train")?;
-    prepare(&folder, &config)?;
+    let changed_table = prepare(&folder, &config)?;
+    let _lock = lock(&folder)?;
     interrupt::listen();
 
     let bars = Bars::detect(arguments.quiet);
-    let log = Log::open(&folder, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
-    let resumes = checkpoint::recover(&checkpoint::last(&folder))?;
-    checkpoint::recover(&checkpoint::best(&folder))?;
     let (net, device) = (config.net_config(), device.autodiff());
-    let (learner, progress) = if resumes {
-        checkpoint::load(&checkpoint::last(&folder), &net, &config.optim, &device)?
+    let (last, best) = (checkpoint::last(&folder), checkpoint::best(&folder));
+    let (has_last, has_best) = (checkpoint::recover(&last)?, checkpoint::recover(&best)?);
+    let (learner, progress) = if has_last || has_best {
+        checkpoint::load(if has_last { &last } else { &best }, &net, &config.optim, &device)?
     } else {
         let weights = Nbp::new(&net, config.seed, &device)?;
         let learner = Learner { net: weights, optim: config.optim.init(), config: net, device, steps: 0 };
         (learner, Progress::new(config.optim.lr))
     };
+    let log =
+        Log::open(&folder, progress.steps, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
     if progress.done {
-        return finish(&config, &folder, &log, true);
+        return finish(&config, &folder, &log, !changed_table);
     }
-    if resumes {
+    if has_last || has_best {
         tracing::info!("resuming at iteration {}, step {}", progress.iteration + 1, progress.steps);
     }
+    // What is only needed at the end must not fail then.
+    scenes::load(&config.scenes.held_out, &config.sim, "held-out scenes", Bars::Quiet)?;
     let worlds = scenes::load(&config.scenes.train, &config.sim, "training scenes", bars)?;
     let open = |name: &str, count: usize| -> Result<Memory> {
         let mut memory = Memory::open(&folder.join("memory").join(name))?;
@@ -130,6 +134,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
 
 /// Prints the final table, computed once and kept in `eval/`.
 fn finish(config: &Config, folder: &Path, log: &Log, was_done: bool) -> Result<Outcome> {
+    interrupt::nothing_to_save();
     let kept = folder.join("eval/table.txt");
     if was_done {
         eprintln!("the run in {} is complete; train another with --run DIR", folder.display());
@@ -157,26 +162,50 @@ fn configure(arguments: &Arguments) -> Result<(Config, String)> {
     Ok((config, config::run_name(&files)))
 }
 
-/// Makes the run's folder, or checks that it was made for this configuration.
-fn prepare(folder: &Path, config: &Config) -> Result<()> {
+/// Makes the run's folder, or checks that it was made for this configuration; tells whether the final table is to be
+/// another one.
+fn prepare(folder: &Path, config: &Config) -> Result<bool> {
     let unwritable =
         || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
     let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
     made.with_context(unwritable)?;
     let path = folder.join("config.toml");
-    if !path.exists() {
-        return weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable);
-    }
-    let before = Config::load(std::slice::from_ref(&path), &[])?;
-    let differences = before.differences(config);
-    if !differences.is_empty() {
+    let differences = match path.exists() {
+        true => Config::load(std::slice::from_ref(&path), &[])?.differences(config),
+        false => Vec::new(),
+    };
+    let is_of_the_table =
+        |line: &&String| ["eval.", "scenes.held_out.", "policy."].iter().any(|part| line.starts_with(part));
+    let learnt: Vec<String> = differences.iter().filter(|line| !is_of_the_table(line)).cloned().collect();
+    if !learnt.is_empty() {
         bail!(
             "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
             folder.display(),
-            differences.join("; ")
+            learnt.join("; ")
         );
     }
-    Ok(())
+    weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable)?;
+    Ok(!differences.is_empty())
+}
+
+/// Keeps a second process out of the run for as long as the file is open.
+fn lock(folder: &Path) -> Result<fs::File> {
+    let path = folder.join("lock");
+    let file = fs::File::create(&path).with_context(|| format!("creating {}", path.display()))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => {
+            bail!(
+                "another process is training in {}: wait for it, or choose another folder with --run DIR",
+                folder.display()
+            )
+        }
+        // Some network drives cannot lock; a run there is as safe as its user is careful.
+        Err(fs::TryLockError::Error(error)) => {
+            tracing::warn!("{} cannot be locked: {error}", path.display());
+            Ok(file)
+        }
+    }
 }
 
 /// The folder of the workspace, so that `cargo run` finds `configs/` and `runs/` from any folder below it.

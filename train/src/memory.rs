@@ -1,7 +1,7 @@
 //! The replay memory: every sample ever admitted, on disk, append-only and checksummed.
 //!
 //! A file is a header and records: length, CRC-32, iteration and the LZ4-compressed sample. A record that was not
-//! finished when the process died is cut off when the file is opened again.
+//! finished when the process died is overwritten by the next one.
 
 use nbp_env::label::{Sample, ValueLabel};
 use nbp_env::window::{Window, WindowSize};
@@ -62,7 +62,8 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Opens or creates a file, and cuts off a record that was never finished.
+    /// Opens or creates a file. What follows its last whole record is not read, and not touched before something is
+    /// appended: if it is damage and not a torn tail, [`Memory::truncate`] will miss records and say so.
     ///
     /// # Errors
     /// When the file cannot be opened or is something else.
@@ -99,9 +100,6 @@ impl Memory {
             memory.entries.push(entry);
             memory.end = end;
         }
-        if memory.end < size {
-            memory.file.set_len(memory.end).map_err(fail)?;
-        }
         Ok(memory)
     }
 
@@ -125,6 +123,7 @@ impl Memory {
     /// # Errors
     /// When they cannot be written; what was written before stays.
     pub fn append(&mut self, iteration: usize, samples: &[PackedSample]) -> Result<(), MemoryError> {
+        self.file.set_len(self.end).map_err(|source| self.io(source))?;
         self.file.seek(SeekFrom::Start(self.end)).map_err(|source| self.io(source))?;
         for PackedSample { bytes, .. } in samples {
             let checksum = crc32fast::hash(bytes);

@@ -1,13 +1,14 @@
 //! Algorithm 1 (paper, section 4.3): the loop, and what it stands on.
 
 use crate::checkpoint::{self, Progress};
+use crate::collect::CollectError;
 use crate::config::Config;
 use crate::log::Log;
 use crate::memory::Memory;
 use crate::plateau::Verdict;
 use crate::step::Learner;
 use crate::{collect, curriculum, interrupt, report, validate};
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use nbp_env::{Predictor, SeedTree, World};
 use nbp_infer::checkpoint::{Settings, remember};
 use nbp_model::{CheckpointConfig, LossValues, NetPredictor};
@@ -76,23 +77,22 @@ impl Session {
         let train = self.config.train.clone();
         while self.progress.iteration < train.iterations && !self.progress.done {
             let iteration = self.progress.iteration;
-            if !self.progress.collected {
-                self.collect(iteration, seeds.child("collect", iteration as u64))?;
+            if !self.progress.collected
+                && self.collect(iteration, seeds.child("collect", iteration as u64))? == Outcome::Interrupted
+            {
+                return Ok(Outcome::Interrupted);
             }
             let set = curriculum::balanced(&self.memory, iteration, seeds.child("replay", iteration as u64));
             while self.progress.epoch < train.epochs && !set.is_empty() {
                 let epoch = self.progress.epoch;
                 let shuffle = seeds.child("shuffle", iteration as u64).child("epoch", epoch as u64);
                 if self.epoch(&curriculum::shuffled(&set, shuffle))? == Outcome::Interrupted {
-                    self.save()?;
+                    self.save(Verdict::Wait)?;
                     return Ok(Outcome::Interrupted);
                 }
                 let verdict = self.validate()?;
                 (self.progress.epoch, self.progress.step_of_epoch) = (epoch + 1, 0);
-                self.save()?;
-                if verdict == Verdict::Better {
-                    checkpoint::save(&checkpoint::best(&self.folder), &self.learner, &self.progress, &self.describe)?;
-                }
+                self.save(verdict)?;
                 if verdict == Verdict::Stop {
                     tracing::info!("no better validation loss for {} epochs: stopping early", train.early_stop);
                     self.progress.done = true;
@@ -101,13 +101,19 @@ impl Session {
             }
             (self.progress.iteration, self.progress.epoch, self.progress.collected) = (iteration + 1, 0, false);
             self.progress.done |= self.progress.iteration == train.iterations;
-            self.save()?;
+            if self.progress.done && self.progress.steps == 0 {
+                bail!(
+                    "no sample was ever admitted, so nothing was learnt: collect.steps must exceed curriculum.easy_step, \
+                     or curriculum.easy_iterations be below train.iterations"
+                );
+            }
+            self.save(Verdict::Wait)?;
         }
         Ok(Outcome::Complete)
     }
 
     /// Walks through every scene with the current model and remembers what was admitted.
-    fn collect(&mut self, iteration: usize, seed: SeedTree) -> Result<()> {
+    fn collect(&mut self, iteration: usize, seed: SeedTree) -> Result<Outcome> {
         let config = &self.config.collect;
         let count = if iteration == 0 { config.first_trajectories } else { config.trajectories };
         let predictor: Arc<dyn Predictor> = Arc::new(self.predictor());
@@ -115,8 +121,13 @@ impl Session {
         let begun = Instant::now();
         let trajectories = collect::trajectories(&self.worlds, &predictor, config, count, seed, |t| {
             bar.advance(format!("{} covered {:.1} %", t.scene, 100.0 * t.coverage));
-        })?;
+        });
         bar.finish();
+        let trajectories = match trajectories {
+            // The last checkpoint stands before this collection, which is repeated.
+            Err(CollectError::Interrupted) => return Ok(Outcome::Interrupted),
+            other => other?,
+        };
         report::log_trajectories(&mut self.log, &trajectories, &self.worlds, self.progress.steps, begun.elapsed());
         let fresh = trajectories.into_iter().flat_map(|t| t.samples).collect();
         let mut fresh = curriculum::admit(fresh, iteration, &self.config.curriculum);
@@ -128,7 +139,8 @@ impl Session {
         }
         self.memory.append(iteration, &fresh)?;
         self.progress.collected = true;
-        self.save()
+        self.save(Verdict::Wait)?;
+        Ok(Outcome::Complete)
     }
 
     /// One pass over the set in the given order, from where the last checkpoint of this epoch left it.
@@ -156,7 +168,7 @@ impl Session {
                 return Ok(Outcome::Interrupted);
             }
             if self.clock.saved.elapsed() > Duration::from_secs_f64(60.0 * self.config.train.checkpoint_minutes) {
-                self.save()?;
+                self.save(Verdict::Wait)?;
             }
         }
         bar.finish();
@@ -215,12 +227,16 @@ impl Session {
         NetPredictor::new(&self.learner.net, &self.describe)
     }
 
-    fn save(&mut self) -> Result<()> {
+    /// Saves where the run stands, and before that the best weights: a crash in between repeats the epoch.
+    fn save(&mut self, verdict: Verdict) -> Result<()> {
         self.memory.sync()?;
         self.held_out.sync()?;
         self.progress.memory = self.memory.len();
         self.progress.held_out = self.held_out.len();
         self.progress.seconds = self.clock.seconds();
+        if verdict == Verdict::Better {
+            checkpoint::save(&checkpoint::best(&self.folder), &self.learner, &self.progress, &self.describe)?;
+        }
         let folder = checkpoint::last(&self.folder);
         checkpoint::save(&folder, &self.learner, &self.progress, &self.describe)
             .with_context(|| format!("the checkpoint before this one is still in {}", folder.display()))?;

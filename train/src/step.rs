@@ -2,8 +2,9 @@
 
 use crate::augment::Symmetry;
 use crate::memory::{Memory, MemoryError};
+use burn::module::{Module as _, ModuleVisitor, Param};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use nbp_env::SeedTree;
 use nbp_env::label::Sample;
 use nbp_model::{Batch, LossValues, Nbp, NetConfig, SampleRef, TensorizeError, loss};
@@ -17,14 +18,14 @@ pub enum StepError {
     /// Samples do not fit the network.
     #[error(transparent)]
     Tensorize(#[from] TensorizeError),
-    /// The loss is NaN or infinite; the weights are as they were.
+    /// A loss or a gradient is NaN or infinite; the weights are as they were.
     #[error(
-        "the {tensor} is {value} at step {step}: the weights were left as they are. Lower optim.lr or resume from \
-         checkpoints/best; `--set net.input_scale=log1p` tames large counts"
+        "the {tensor} is {value} at step {step}: the weights were left as they are, and the last checkpoint is good. \
+         Start another run (--run DIR) with a lower optim.lr; net.input_scale=\"log1p\" tames large counts"
     )]
     NonFinite {
-        /// Which term.
-        tensor: &'static str,
+        /// Which term, or the gradient of which parameter.
+        tensor: String,
         /// NaN or ±inf.
         value: f32,
         /// Steps of the optimiser before it.
@@ -75,9 +76,24 @@ impl Learner {
             mean.bce += share * values.bce;
             mean.sigma = values.sigma;
         }
-        self.net = self.optim.step(lr, self.net.clone(), accumulator.grads());
+        let gradients = accumulator.grads();
+        self.refuse_non_finite_gradients(&gradients)?;
+        self.net = self.optim.step(lr, self.net.clone(), gradients);
         self.steps += 1;
         Ok(mean)
+    }
+
+    fn refuse_non_finite_gradients(&self, gradients: &GradientsParams) -> Result<(), StepError> {
+        let mut sums = GradientSums { gradients, path: Vec::new(), names: Vec::new(), sums: Vec::new() };
+        self.net.visit(&mut sums);
+        // One read-back for all of them.
+        let values: Vec<f32> = Tensor::cat(sums.sums, 0).into_data().iter().collect();
+        match values.into_iter().zip(sums.names).find(|(value, _)| !value.is_finite()) {
+            Some((value, name)) => {
+                Err(StepError::NonFinite { tensor: format!("gradient of {name}"), value, step: self.steps })
+            }
+            None => Ok(()),
+        }
     }
 
     fn refuse_non_finite(&self, values: &LossValues) -> Result<(), StepError> {
@@ -90,8 +106,33 @@ impl Learner {
             ("total loss", values.total),
         ];
         match terms.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((tensor, value)) => Err(StepError::NonFinite { tensor, value, step: self.steps }),
+            Some((tensor, value)) => Err(StepError::NonFinite { tensor: tensor.into(), value, step: self.steps }),
             None => Ok(()),
+        }
+    }
+}
+
+/// Sums of the absolute gradients of all parameters, by their paths.
+struct GradientSums<'a> {
+    gradients: &'a GradientsParams,
+    path: Vec<String>,
+    names: Vec<String>,
+    sums: Vec<Tensor<1>>,
+}
+
+impl ModuleVisitor for GradientSums<'_> {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.into());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
+        if let Some(gradient) = self.gradients.get::<D>(parameter.id) {
+            self.names.push(self.path.join("."));
+            self.sums.push(gradient.abs().sum());
         }
     }
 }

@@ -25,7 +25,7 @@ impl Validation {
 /// Validates with running statistics and without a tape; `None` where nothing was kept out.
 ///
 /// # Errors
-/// When a sample cannot be read.
+/// When a sample cannot be read or a loss is not finite.
 pub fn run(learner: &Learner, held_out: &mut Memory, batch: usize) -> Result<Option<Validation>, StepError> {
     let net = learner.net.valid();
     let device = learner.device.clone().inner();
@@ -41,5 +41,13 @@ pub fn run(learner: &Learner, held_out: &mut Memory, batch: usize) -> Result<Opt
         bce += f64::from(values.bce) * indices.len() as f64;
         samples += indices.len() as f64;
     }
-    Ok((samples > 0.0).then(|| Validation { mse: mse / f64::max(cells, 1.0), bce: bce / samples }))
+    let mean = (samples > 0.0).then(|| Validation { mse: mse / f64::max(cells, 1.0), bce: bce / samples });
+    match mean.filter(|validation| !validation.total().is_finite()) {
+        Some(bad) => Err(StepError::NonFinite {
+            tensor: "validation loss".into(),
+            value: bad.total() as f32,
+            step: learner.steps,
+        }),
+        None => Ok(mean),
+    }
 }

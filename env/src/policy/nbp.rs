@@ -1,6 +1,6 @@
 //! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2).
 
-use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
+use super::{DOUBTFUL_PRICE, Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::encode::{Trajectory, encode};
 use crate::episode::{Action, World};
 use crate::goal::{Candidate, GoalRule};
@@ -42,6 +42,40 @@ impl Default for NbpConfig {
             skip_visited: true,
             random_heading: 0.0,
         }
+    }
+}
+
+/// A setting that the policy cannot work with.
+#[derive(Debug, thiserror::Error)]
+#[error("{field} is {value}: it must be {want}")]
+pub struct NbpConfigError {
+    field: &'static str,
+    value: String,
+    want: &'static str,
+}
+
+impl NbpConfig {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// Naming the first setting that is out of range.
+    pub fn validate(&self) -> Result<(), NbpConfigError> {
+        let refuse = |field, value: String, want| Err(NbpConfigError { field, value, want });
+        if let GoalRule::Boltzmann { beta } = self.goal
+            && !(beta.is_finite() && beta > 0.0)
+        {
+            return refuse("goal.beta", beta.to_string(), "a positive number of percent points");
+        }
+        if !(0.0..=1.0).contains(&self.obstacle_threshold) {
+            return refuse("obstacle_threshold", self.obstacle_threshold.to_string(), "a probability, 0 to 1");
+        }
+        if self.blocking_pixels == 0 {
+            return refuse("blocking_pixels", "0".into(), "at least 1, or every move is blocked");
+        }
+        if !(0.0..=1.0).contains(&self.random_heading) {
+            return refuse("random_heading", self.random_heading.to_string(), "a probability, 0 to 1");
+        }
+        Ok(())
     }
 }
 
@@ -109,8 +143,13 @@ impl Nbp {
             pixel.is_some_and(|(row, col)| prediction.obstacle.at(row, col) >= self.config.obstacle_threshold)
         };
         let obstacles = cells_between(from, to, input.window.size.pixel()).filter(is_obstacle).count();
-        let is_open = obstacles < self.config.blocking_pixels;
-        is_open.then_some(if self.config.fuse_observed { observed } else { 1.0 })
+        match (obstacles < self.config.blocking_pixels, self.config.fuse_observed) {
+            (true, false) => Some(1.0),
+            (true, true) => Some(observed),
+            (false, false) => None,
+            // A predicted wall is as doubtful as a seen one: an agent that stands beside a wall is not walled in by it.
+            (false, true) => Some(DOUBTFUL_PRICE),
+        }
     }
 
     fn make_plan(&self, view: &MapView<'_>, rng: &mut Rng) -> Result<Plan, PolicyError> {

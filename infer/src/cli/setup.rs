@@ -63,6 +63,7 @@ impl Args {
         if let Some(fuse) = self.fuse_observed {
             settings.policy.fuse_observed = fuse;
         }
+        settings.policy.validate().context("policy")?;
         if let Some(config) = &config {
             checkpoint::check(config, &settings.sim)?;
         }

@@ -6,6 +6,7 @@ pub mod tensorboard;
 pub use bars::Bars;
 
 use nbp_infer::picture::Rgb;
+use nbp_model::weights;
 use serde_json::{Map, Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -21,12 +22,24 @@ pub struct Log {
 }
 
 impl Log {
-    /// Opens the log of a run folder; a resumed run goes on in the same record.
+    /// Opens the log of a run folder. A resumed run goes on in the same record, without the lines of steps after `step`,
+    /// which it will make again.
     ///
     /// # Errors
     /// When the record cannot be opened.
-    pub fn open(run: &Path, bars: Bars) -> std::io::Result<Self> {
-        let record = OpenOptions::new().create(true).append(true).open(run.join("metrics.jsonl"))?;
+    pub fn open(run: &Path, step: usize, bars: Bars) -> std::io::Result<Self> {
+        let path = run.join("metrics.jsonl");
+        if let Ok(text) = std::fs::read_to_string(&path) {
+            let is_kept = |line: &&str| {
+                let parsed: Option<Value> = serde_json::from_str(line).ok();
+                parsed.and_then(|value| value["step"].as_u64()).is_some_and(|at| at <= step as u64)
+            };
+            let kept: String = text.lines().filter(is_kept).map(|line| format!("{line}\n")).collect();
+            if kept != text {
+                weights::write_atomic(&path, kept.as_bytes())?;
+            }
+        }
+        let record = OpenOptions::new().create(true).append(true).open(path)?;
         Ok(Self { record, board: TensorBoard::start(&run.join("tb")), bars })
     }
 
