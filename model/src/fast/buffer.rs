@@ -10,7 +10,7 @@ const SLACK: usize = 64;
 
 /// Buffers kept for the next call: fresh pages from the system cost more than filling them.
 static POOL: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
-const KEPT: usize = 4;
+const KEPT: usize = 3;
 
 /// Planes of `height × width`, each with a border of `halo` zeros, seen as one line of numbers.
 ///
@@ -18,6 +18,7 @@ const KEPT: usize = 4;
 /// from every pixel and a convolution is a sum of shifted lines, whatever the width.
 #[derive(Debug)]
 pub(super) struct Padded {
+    /// All planes, then at least [`SLACK`] zeros.
     pub(super) numbers: Vec<f32>,
     /// Numbers from row to row.
     pub(super) pitch: usize,
@@ -59,9 +60,11 @@ impl Padded {
         let plane = (height + 2 * halo) * pitch + TAIL;
         let len = images.len() * plane;
         let mut numbers = take();
-        numbers.resize(len + SLACK, 0.0);
+        if numbers.len() < len + SLACK {
+            numbers.resize(len + SLACK, 0.0);
+        }
         // What a kernel reads past the end is multiplied by zeros, which a stale NaN would survive.
-        numbers[len..].fill(0.0);
+        numbers[len..len + SLACK].fill(0.0);
         let (top, inner) = (halo * pitch, height * pitch);
         numbers[..len].par_chunks_mut(plane).zip(images).for_each(|(padded, image)| {
             padded[..top].fill(0.0);
@@ -90,8 +93,13 @@ impl Drop for Padded {
     }
 }
 
+/// The largest buffer of the pool. It may be larger than needed: cutting it would mean filling it again later.
 fn take() -> Vec<f32> {
-    POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).pop().unwrap_or_default()
+    let mut pool = POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    match pool.iter().enumerate().max_by_key(|(_, numbers)| numbers.len()) {
+        Some((largest, _)) => pool.swap_remove(largest),
+        None => Vec::new(),
+    }
 }
 
 #[cfg(test)]
@@ -107,7 +115,7 @@ mod tests {
             assert_eq!(padded.numbers[..16], want);
             assert!(padded.numbers[16..32].iter().all(|&x| x == 0.0));
             assert_eq!(padded.numbers[32 + 5], 5.0);
-            assert!(padded.numbers[48..].iter().all(|&x| x == 0.0));
+            assert!(padded.numbers[48..64 + SLACK].iter().all(|&x| x == 0.0));
             drop(padded);
             let mut dirty = Padded::new(&[f32::NAN; 64], 8, 8, 0);
             dirty.numbers.fill(f32::NAN);

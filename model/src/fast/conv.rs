@@ -89,7 +89,7 @@ impl<'a> Source<'a> {
 pub(super) fn rows(
     size: Geometry,
     x: &Source<'_>,
-    weight: impl Fn(usize, usize, usize) -> f32,
+    weight: impl Fn(usize, usize, usize) -> f32 + Sync,
     bias: &[f32],
 ) -> Vec<f32> {
     if Machine::new().is_wide { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
@@ -98,7 +98,7 @@ pub(super) fn rows(
 fn rows_by<const CO: usize>(
     size: Geometry,
     x: &Source<'_>,
-    weight: impl Fn(usize, usize, usize) -> f32,
+    weight: impl Fn(usize, usize, usize) -> f32 + Sync,
     bias: &[f32],
 ) -> Vec<f32> {
     let (arch, area, kernel) = (Arch::new(), size.area(), size.kernel);
@@ -106,13 +106,15 @@ fn rows_by<const CO: usize>(
     let cover = Cover::new(size.height, size.width, x.pitch, Machine::new().lanes);
     let per_block = size.cin * taps.len();
     // Weights in the order in which the kernel reads them; a block that is not full gets zeros.
-    let packed: Vec<[f32; CO]> = (0..size.cout.div_ceil(CO) * per_block)
-        .map(|at| {
-            let (block, input, tap) = (at / per_block, at / taps.len() % size.cin, at % taps.len());
-            let one = |k: usize| if block * CO + k < size.cout { weight(block * CO + k, input, tap) } else { 0.0 };
-            std::array::from_fn(one)
-        })
-        .collect();
+    let mut packed = vec![[0.0; CO]; size.cout.div_ceil(CO) * per_block];
+    packed.par_chunks_mut(per_block).enumerate().for_each(|(block, packed)| {
+        let outputs = block * CO..size.cout.min((block + 1) * CO);
+        for (input, packed) in packed.chunks_exact_mut(taps.len()).enumerate() {
+            for (k, output) in outputs.clone().enumerate() {
+                packed.iter_mut().enumerate().for_each(|(tap, packed)| packed[k] = weight(output, input, tap));
+            }
+        }
+    });
     let mut out = vec![0.0; size.batch * size.cout * area];
     let tasks: Vec<_> = out
         .chunks_mut(size.cout * area)

@@ -89,13 +89,9 @@ pub(super) fn forward(size: Planes, x: &[f32], channels: Channels<'_>) -> Vec<f3
     let (arch, floor) = (Arch::new(), channels.floor());
     size.fill(|channel, at, out| {
         let affine = channels.affine(channel);
-        arch.dispatch(|| {
-            for (out, &x) in out.iter_mut().zip(&x[at..at + size.area]) {
-                let y = affine.of(x);
-                // Not `max`, which would turn a NaN into the floor and hide a diverged network.
-                *out = if y < floor { floor } else { y };
-            }
-        });
+        let x = &x[at..at + size.area];
+        // Not `max`, which would turn a NaN into the floor and hide a diverged network.
+        arch.dispatch(Each { out, x, g: x, of: |x, _| if affine.of(x) < floor { floor } else { affine.of(x) } });
     })
 }
 
@@ -131,14 +127,32 @@ pub(super) fn backward(size: Planes, x: &[f32], channels: Channels<'_>, g: &[f32
         let along = affine.scale * weight[c] * inverse(c) / size.count() as f32;
         let constant = affine.scale * bias[c] / size.count() as f32;
         let (x, g) = (&x[at..at + size.area], &g[at..at + size.area]);
-        arch.dispatch(|| {
-            for ((out, &x), &g) in out.iter_mut().zip(x).zip(g) {
-                let g = if affine.of(x) > floor { g } else { 0.0 };
-                *out = g * affine.scale - (x - affine.centre) * along - constant;
-            }
-        });
+        let of = |x, g| {
+            let g = if affine.of(x) > floor { g } else { 0.0 };
+            g * affine.scale - (x - affine.centre) * along - constant
+        };
+        arch.dispatch(Each { out, x, g, of });
     });
     Gradients { x: x_gradient, weight, bias }
+}
+
+/// A pass over two planes into a third.
+struct Each<'a, F> {
+    out: &'a mut [f32],
+    x: &'a [f32],
+    g: &'a [f32],
+    of: F,
+}
+
+impl<F: Fn(f32, f32) -> f32> WithSimd for Each<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for ((out, &x), &g) in self.out.iter_mut().zip(self.x).zip(self.g) {
+            *out = (self.of)(x, g);
+        }
+    }
 }
 
 /// Numbers summed in single precision before the sum is added up in double precision.
@@ -148,30 +162,39 @@ const LANES: usize = 32;
 
 /// Sum in a fixed order.
 pub(super) fn sum(x: &[f32]) -> f64 {
-    Arch::new().dispatch(|| lanes(x, |x| x))
+    Arch::new().dispatch(Sum { x, of: |x| x })
 }
 
 fn sum_of_squares(x: &[f32], mean: f32) -> f64 {
-    Arch::new().dispatch(|| lanes(x, |x| (x - mean) * (x - mean)))
+    Arch::new().dispatch(Sum { x, of: |x| (x - mean) * (x - mean) })
 }
 
-#[inline(always)]
-fn lanes(x: &[f32], of: impl Fn(f32) -> f32) -> f64 {
-    let mut total = 0.0;
-    for run in x.chunks(RUN) {
-        let mut partial = [0.0f32; LANES];
-        let (whole, rest) = run.as_chunks::<LANES>();
-        for group in whole {
-            for (partial, &x) in partial.iter_mut().zip(group) {
-                *partial += of(x);
+struct Sum<'a, F> {
+    x: &'a [f32],
+    of: F,
+}
+
+impl<F: Fn(f32) -> f32> WithSimd for Sum<'_, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let mut total = 0.0;
+        for run in self.x.chunks(RUN) {
+            let mut partial = [0.0f32; LANES];
+            let (whole, rest) = run.as_chunks::<LANES>();
+            for group in whole {
+                for (partial, &x) in partial.iter_mut().zip(group) {
+                    *partial += (self.of)(x);
+                }
             }
+            for (partial, &x) in partial.iter_mut().zip(rest) {
+                *partial += (self.of)(x);
+            }
+            total += partial.iter().map(|&x| f64::from(x)).sum::<f64>();
         }
-        for (partial, &x) in partial.iter_mut().zip(rest) {
-            *partial += of(x);
-        }
-        total += partial.iter().map(|&x| f64::from(x)).sum::<f64>();
+        total
     }
-    total
 }
 
 /// `Σ g·(x - centre)` and `Σ g` over the pixels that pass the ReLU.
@@ -190,13 +213,16 @@ impl WithSimd for Pair<'_> {
         let mut total = (0.0, 0.0);
         for (x, g) in self.x.chunks(RUN).zip(self.g.chunks(RUN)) {
             let (mut products, mut sums) = ([0.0f32; LANES], [0.0f32; LANES]);
-            for (x, g) in x.chunks(LANES).zip(g.chunks(LANES)) {
+            let mut add = |x: &[f32], g: &[f32]| {
                 for ((product, sum), (&x, &g)) in products.iter_mut().zip(&mut sums).zip(x.iter().zip(g)) {
                     let g = if self.affine.of(x) > self.floor { g } else { 0.0 };
                     *product += g * (x - self.affine.centre);
                     *sum += g;
                 }
-            }
+            };
+            let ((x, last_x), (g, last_g)) = (x.as_chunks::<LANES>(), g.as_chunks::<LANES>());
+            x.iter().zip(g).for_each(|(x, g)| add(x, g));
+            add(last_x, last_g);
             total.0 += products.iter().map(|&x| f64::from(x)).sum::<f64>();
             total.1 += sums.iter().map(|&x| f64::from(x)).sum::<f64>();
         }

@@ -12,31 +12,29 @@ use rayon::prelude::*;
 /// Input row (or column) of the 2×2 kernel that the three taps of even and of odd output rows fall on.
 const FALLS_ON: [[usize; 3]; 2] = [[0, 1, 1], [0, 0, 1]];
 
-/// Taps of the 3×3 kernel that add up to the tap `(y, x)` of a quarter's 2×2 kernel.
-fn taps_of(quarter: usize, tap: usize) -> impl Iterator<Item = usize> {
-    let (rows, cols) = (FALLS_ON[quarter / 2], FALLS_ON[quarter % 2]);
-    (0..9).filter(move |t| rows[t / 3] == tap / 2 && cols[t % 3] == tap % 2)
-}
-
 /// Where a quarter's first tap lies in the padded small image.
 fn shift(quarter: usize, pitch: usize) -> usize {
     quarter / 2 * pitch + quarter % 2
 }
 
 /// The sums of weights: quarter, output, input, tap.
-fn quarter_weights(size: Geometry, weight: &[f32]) -> Vec<[f32; 4]> {
-    let kernels = |quarter| {
-        (0..size.cout * size.cin)
-            .map(move |kernel| std::array::from_fn(|tap| taps_of(quarter, tap).map(|t| weight[kernel * 9 + t]).sum()))
-    };
-    (0..4).flat_map(kernels).collect()
+fn quarter_weights(weight: &[f32]) -> Vec<[f32; 4]> {
+    let kernels = weight.as_chunks::<9>().0;
+    let mut sums = vec![[0.0; 4]; 4 * kernels.len()];
+    sums.par_chunks_mut(kernels.len()).enumerate().for_each(|(quarter, sums)| {
+        let (rows, cols) = (FALLS_ON[quarter / 2], FALLS_ON[quarter % 2]);
+        for (sums, kernel) in sums.iter_mut().zip(kernels) {
+            (0..9).for_each(|t| sums[rows[t / 3] * 2 + cols[t % 3]] += kernel[t]);
+        }
+    });
+    sums
 }
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, 3, 3]`, `bias`: `[out]` → `[b, out, 2h, 2w]`; `size` has `x`'s height and width.
 pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let small = Geometry { kernel: 2, ..size };
     let padded = Padded::new(x, size.height, size.width, 1);
-    let kernels = quarter_weights(size, weight);
+    let kernels = quarter_weights(weight);
     let quarters: Vec<Vec<f32>> = (0..4)
         .map(|quarter| {
             let lines = (0..size.cin).map(|channel| channel * padded.plane + shift(quarter, padded.pitch)).collect();
@@ -80,7 +78,7 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
         let lines = (0..4).flat_map(|quarter| (0..size.cout).map(move |output| line(quarter, output))).collect();
         let sample = size.cout * padded_g.plane;
         let source = Source { numbers: &padded_g.numbers, pitch: padded_g.pitch, lines, sample };
-        let kernels = quarter_weights(size, weight);
+        let kernels = quarter_weights(weight);
         rows(turned, &source, |o, i, t| kernels[i * size.cin + o][3 - t], &vec![0.0; size.cin])
     });
 
@@ -91,10 +89,9 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
         let x_from = &padded_x.numbers[shift(quarter, padded_x.pitch)..];
         let g_from = &padded_g.numbers[quarter * quarter_len + padded_g.first_pixel(1)..];
         let sums = products(small, &padded_x, x_from, g_from);
+        let (rows, cols) = (FALLS_ON[quarter / 2], FALLS_ON[quarter % 2]);
         for (kernel, sums) in weight_gradient.as_chunks_mut::<9>().0.iter_mut().zip(sums.as_chunks::<4>().0) {
-            for (tap, sum) in sums.iter().enumerate() {
-                taps_of(quarter, tap).for_each(|t| kernel[t] += sum);
-            }
+            (0..9).for_each(|t| kernel[t] += sums[rows[t / 3] * 2 + cols[t % 3]]);
         }
     }
     let large = Geometry { height: 2 * size.height, width: 2 * size.width, ..size };
