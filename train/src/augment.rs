@@ -86,12 +86,23 @@ mod tests {
         Sample { input: EncoderInput { window, channels: 1, counts }, step: 3, labels, obstacles }
     }
 
+    /// The heading in which a cell lies, seen from the middle of an image.
+    fn towards((row, col): (usize, usize), side: usize) -> Heading {
+        let middle = (side as f32 - 1.0) / 2.0;
+        Heading::towards(middle - col as f32, middle - row as f32)
+    }
+
     #[test]
     fn what_lies_ahead_still_lies_ahead() {
+        let cell_of = |at: usize| (at / 64, at % 64);
         for heading in Heading::all() {
             for n in 0..8 {
                 let turned = Symmetry::new(n).apply(&pointing(heading));
-                assert_eq!(turned, pointing(turned.labels[0].heading), "symmetry {n}, heading {heading:?}");
+                let label = turned.labels[0];
+                assert_eq!(towards((label.row, label.col), 16), label.heading, "symmetry {n}, heading {heading:?}");
+                let point = turned.input.counts.iter().position(|&count| count == 3).map(cell_of).unwrap();
+                let wall = turned.obstacles.iter().position(|&wall| wall == 1).map(cell_of).unwrap();
+                assert_eq!((towards(point, 64), point), (label.heading, wall), "symmetry {n}, heading {heading:?}");
             }
         }
     }
