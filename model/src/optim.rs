@@ -34,3 +34,83 @@ impl AdamW {
             .init()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tensorize::tests::input;
+    use crate::{Batch, Nbp, NetConfig, SampleRef, loss};
+    use burn::module::{Module, ModuleVisitor, Param};
+    use burn::optim::GradientsParams;
+    use burn::prelude::*;
+
+    fn net(base: usize) -> Nbp {
+        Nbp::new(&NetConfig { base, ..NetConfig::default() }, 3, &Device::flex().autodiff()).unwrap()
+    }
+
+    #[test]
+    fn steps_as_pytorchs_adamw() {
+        let settings = AdamW { lr: 0.05, ..AdamW::default() };
+        let (mut net, mut optim) = (net(2), settings.init());
+        let (mut x, mut first, mut second) = ([0.0f64; 2], [0.0f64; 2], [0.0f64; 2]);
+        let [b1, b2] = settings.betas.map(f64::from);
+        for step in 1..=20 {
+            let target = Tensor::<1>::from_floats([1.0, -0.3], &Device::flex().autodiff());
+            let error = (net.log_vars.val() - target).powi_scalar(2).sum();
+            let gradients = GradientsParams::from_grads(error.backward(), &net);
+            net = optim.step(settings.lr, net, gradients);
+            for (i, target) in [1.0, -0.3].into_iter().enumerate() {
+                let g = 2.0 * (x[i] - target);
+                x[i] *= 1.0 - settings.lr * f64::from(settings.weight_decay);
+                first[i] = b1 * first[i] + (1.0 - b1) * g;
+                second[i] = b2 * second[i] + (1.0 - b2) * g * g;
+                let (m, v) = (first[i] / (1.0 - b1.powi(step)), second[i] / (1.0 - b2.powi(step)));
+                x[i] -= settings.lr * m / (v.sqrt() + f64::from(settings.eps));
+            }
+        }
+        let got = net.log_vars.val().into_data().try_to_vec::<f32>().unwrap();
+        for (got, want) in got.iter().zip(x) {
+            assert!((f64::from(*got) - want).abs() < 1e-5, "{got} {want}");
+        }
+    }
+
+    #[derive(Default)]
+    struct Bits(Vec<u32>);
+
+    impl ModuleVisitor for Bits {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            self.0.extend(param.val().into_data().iter::<f32>().map(f32::to_bits));
+        }
+    }
+
+    /// Three steps on one batch: the weights' bits, and the losses.
+    fn trained() -> (Vec<u32>, Vec<f32>) {
+        let (mut net, settings) = (net(4), AdamW::default());
+        let (device, mut optim) = (Device::flex().autodiff(), settings.init());
+        let inputs = [input(48, 5, 1), input(48, 5, 2), input(48, 5, 3)];
+        let walls: Vec<u8> = (0..48 * 48).map(|i| u8::from(i % 7 == 0)).collect();
+        let samples = inputs.each_ref().map(|input| SampleRef { input, labels: &[], obstacle: &walls });
+        let batch = Batch::new(&samples, &NetConfig { base: 4, ..NetConfig::default() }, &device).unwrap();
+        let losses = (0..3)
+            .map(|_| {
+                let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets);
+                let gradients = GradientsParams::from_grads(losses.total.clone().backward(), &net);
+                net = optim.step(settings.lr, net.clone(), gradients);
+                losses.values().total
+            })
+            .collect();
+        let mut bits = Bits::default();
+        net.valid().visit(&mut bits);
+        (bits.0, losses)
+    }
+
+    #[test]
+    fn training_is_the_same_bits_for_any_number_of_threads_and_goes_downhill() {
+        let run = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(trained);
+        let (bits, losses) = run(1);
+        assert!(losses[2] < losses[0], "{losses:?}");
+        for threads in [2, 5] {
+            assert!(run(threads).0 == bits, "{threads} threads train another network than one");
+        }
+    }
+}

@@ -2,7 +2,6 @@
 
 use super::buffer::Padded;
 use super::kernel::{Cover, Machine, Products, Rows};
-use pulp::Arch;
 use rayon::prelude::*;
 
 /// Sizes of a convolution with stride 1 and zero padding.
@@ -44,24 +43,24 @@ impl Geometry {
 }
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
-pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let (size, taps) = (size.flat(), size.kernel * size.kernel);
-    rows(size, &Source::new(&size.pad(x), size.cin), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
+    rows(on, size, &Source::new(&size.pad(x), size.cin), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
-pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
+pub(super) fn backward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
     let (size, taps) = (size.flat(), size.kernel * size.kernel);
     let padded_g = size.pad(g);
     let x_gradient = want_x.then(|| {
         // A convolution with the kernel turned by 180° and inputs and outputs exchanged.
         let turned = Geometry { cin: size.cout, cout: size.cin, ..size };
         let at = |o: usize, i: usize, t: usize| weight[(i * size.cin + o) * taps + taps - 1 - t];
-        rows(turned, &Source::new(&padded_g, size.cout), at, &vec![0.0; size.cin])
+        rows(on, turned, &Source::new(&padded_g, size.cout), at, &vec![0.0; size.cin])
     });
     let padded_x = size.pad(x);
     let g_from = &padded_g.numbers[padded_g.first_pixel(size.kernel / 2)..];
-    let weight = products(size, &padded_x, &padded_x.numbers, g_from);
+    let weight = products(on, size, &padded_x, &padded_x.numbers, g_from);
     Gradients { x: x_gradient, weight, bias: plane_sums(size, g) }
 }
 
@@ -87,23 +86,25 @@ impl<'a> Source<'a> {
 
 /// The convolution of padded planes; `weight(output, input, tap)`.
 pub(super) fn rows(
+    on: Machine,
     size: Geometry,
     x: &Source<'_>,
     weight: impl Fn(usize, usize, usize) -> f32 + Sync,
     bias: &[f32],
 ) -> Vec<f32> {
-    if Machine::new().is_wide { rows_by::<8>(size, x, weight, bias) } else { rows_by::<4>(size, x, weight, bias) }
+    if on.is_wide { rows_by::<8>(on, size, x, weight, bias) } else { rows_by::<4>(on, size, x, weight, bias) }
 }
 
 fn rows_by<const CO: usize>(
+    on: Machine,
     size: Geometry,
     x: &Source<'_>,
     weight: impl Fn(usize, usize, usize) -> f32 + Sync,
     bias: &[f32],
 ) -> Vec<f32> {
-    let (arch, area, kernel) = (Arch::new(), size.area(), size.kernel);
+    let (area, kernel) = (size.area(), size.kernel);
     let taps: Vec<usize> = (0..kernel * kernel).map(|t| t / kernel * x.pitch + t % kernel).collect();
-    let cover = Cover::new(size.height, size.width, x.pitch, Machine::new().lanes);
+    let cover = Cover::new(size.height, size.width, x.pitch, on.lanes);
     let per_block = size.cin * taps.len();
     // Weights in the order in which the kernel reads them; a block that is not full gets zeros.
     let mut packed = vec![[0.0; CO]; size.cout.div_ceil(CO) * per_block];
@@ -122,7 +123,7 @@ fn rows_by<const CO: usize>(
         .flat_map(|(sample, out)| out.chunks_mut(CO * area).enumerate().map(move |(block, out)| (sample, block, out)))
         .collect();
     tasks.into_par_iter().for_each(|(sample, block, out)| {
-        arch.dispatch(Rows::<CO> {
+        on.run(Rows::<CO> {
             x: &x.numbers[sample * x.sample..],
             lines: &x.lines,
             taps: &taps,
@@ -140,29 +141,29 @@ fn rows_by<const CO: usize>(
 /// first tap and `g` at the first pixel.
 ///
 /// Each task owns a few outputs and walks all samples in order, so there are no partial sums that depend on the threads.
-pub(super) fn products(size: Geometry, shape: &Padded, x: &[f32], g: &[f32]) -> Vec<f32> {
-    match (size.kernel, Machine::new().is_wide) {
-        (1, true) => products_by::<4, 4, 1>(size, shape, x, g),
-        (1, false) => products_by::<2, 4, 1>(size, shape, x, g),
-        (2, true) => products_by::<4, 2, 2>(size, shape, x, g),
-        (2, false) => products_by::<2, 2, 2>(size, shape, x, g),
-        (_, true) => products_by::<4, 2, 3>(size, shape, x, g),
-        (_, false) => products_by::<2, 2, 3>(size, shape, x, g),
+pub(super) fn products(on: Machine, size: Geometry, shape: &Padded, x: &[f32], g: &[f32]) -> Vec<f32> {
+    match (size.kernel, on.is_wide) {
+        (1, true) => products_by::<4, 4, 1>(on, size, shape, x, g),
+        (1, false) => products_by::<2, 4, 1>(on, size, shape, x, g),
+        (2, true) => products_by::<4, 2, 2>(on, size, shape, x, g),
+        (2, false) => products_by::<2, 2, 2>(on, size, shape, x, g),
+        (_, true) => products_by::<4, 2, 3>(on, size, shape, x, g),
+        (_, false) => products_by::<2, 2, 3>(on, size, shape, x, g),
     }
 }
 
 fn products_by<const CO: usize, const CI: usize, const TAPS: usize>(
+    on: Machine,
     size: Geometry,
     shape: &Padded,
     x: &[f32],
     g: &[f32],
 ) -> Vec<f32> {
-    let arch = Arch::new();
     let taps: Vec<[usize; TAPS]> = (0..size.kernel).map(|y| std::array::from_fn(|t| y * shape.pitch + t)).collect();
     let per_output = size.cin * size.kernel * size.kernel;
     let mut out = vec![0.0; size.cout * per_output];
     out.par_chunks_mut(CO * per_output).enumerate().for_each(|(block, out)| {
-        arch.dispatch(Products::<CO, CI, TAPS> {
+        on.run(Products::<CO, CI, TAPS> {
             g,
             x,
             plane: shape.plane,

@@ -9,9 +9,10 @@ use pulp::{Arch, Simd, WithSimd};
 /// Vectors of pixels that [`Rows`] sums at a time.
 const ACROSS: usize = 3;
 
-/// The vectors of the machine.
+/// The instruction set to use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Machine {
+    arch: Arch,
     /// Numbers in a register.
     pub(super) lanes: usize,
     /// Whether there are registers for the larger tiles.
@@ -19,19 +20,39 @@ pub(super) struct Machine {
 }
 
 impl Machine {
+    /// The best that this computer has.
     pub(super) fn new() -> Self {
-        Arch::new().dispatch(Registers)
+        Self::with(Arch::new())
+    }
+
+    fn with(arch: Arch) -> Self {
+        let (lanes, registers) = arch.dispatch(Registers);
+        Self { arch, lanes, is_wide: registers >= 32 }
+    }
+
+    /// All that this computer has.
+    #[cfg(test)]
+    pub(super) fn all() -> Vec<Self> {
+        let mut all = vec![Self::new(), Self::with(Arch::Scalar)];
+        #[cfg(target_arch = "x86_64")]
+        all.extend(pulp::x86::V3::try_new().map(|v3| Self::with(Arch::V3(v3))));
+        all
+    }
+
+    pub(super) fn run<Op: WithSimd>(self, op: Op) -> Op::Output {
+        self.arch.dispatch(op)
     }
 }
 
+/// Lanes and number of the registers.
 struct Registers;
 
 impl WithSimd for Registers {
-    type Output = Machine;
+    type Output = (usize, usize);
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Machine {
-        Machine { lanes: S::F32_LANES, is_wide: S::REGISTER_COUNT >= 32 }
+    fn with_simd<S: Simd>(self, _: S) -> (usize, usize) {
+        (S::F32_LANES, S::REGISTER_COUNT)
     }
 }
 

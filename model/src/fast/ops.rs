@@ -1,6 +1,7 @@
 //! The kernels as operations of Burn, through its extension point for back ends.
 
 use super::conv::{self, Geometry};
+use super::kernel::Machine;
 use super::norm::{self, Channels, Planes};
 use super::{planes, up};
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
@@ -87,7 +88,7 @@ impl FastOps for Flex {
         let size = geometry(&x, &weight);
         let forward = if doubled { up::forward } else { conv::forward };
         let times = if doubled { 2 } else { 1 };
-        let out = forward(size, numbers(&x), numbers(&weight), numbers(&bias));
+        let out = forward(Machine::new(), size, numbers(&x), numbers(&weight), numbers(&bias));
         tensor(out, [size.batch, size.cout, times * size.height, times * size.width])
     }
 
@@ -220,7 +221,7 @@ impl Backward<Flex, 3> for ConvBackward {
         let [node_x, node_weight, node_bias] = ops.parents;
         let size = geometry(&x, &weight);
         let backward = if doubled { up::backward } else { conv::backward };
-        let found = backward(size, numbers(&x), numbers(&weight), numbers(&g), node_x.is_some());
+        let found = backward(Machine::new(), size, numbers(&x), numbers(&weight), numbers(&g), node_x.is_some());
         if let (Some(node), Some(gradient)) = (node_x, found.x) {
             grads.register::<Flex>(node.id, tensor(gradient, dims::<4>(&x)));
         }

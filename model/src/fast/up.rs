@@ -6,7 +6,7 @@
 
 use super::buffer::Padded;
 use super::conv::{Geometry, Gradients, Source, plane_sums, products, rows};
-use pulp::Arch;
+use super::kernel::Machine;
 use rayon::prelude::*;
 
 /// Input row (or column) of the 2×2 kernel that the three taps of even and of odd output rows fall on.
@@ -31,7 +31,7 @@ fn quarter_weights(weight: &[f32]) -> Vec<[f32; 4]> {
 }
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, 3, 3]`, `bias`: `[out]` → `[b, out, 2h, 2w]`; `size` has `x`'s height and width.
-pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let small = Geometry { kernel: 2, ..size };
     let padded = Padded::new(x, size.height, size.width, 1);
     let kernels = quarter_weights(weight);
@@ -41,18 +41,18 @@ pub(super) fn forward(size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -
             let sample = size.cin * padded.plane;
             let source = Source { numbers: &padded.numbers, pitch: padded.pitch, lines, sample };
             let kernels = &kernels[quarter * size.cout * size.cin..];
-            rows(small, &source, |o, i, t| kernels[o * size.cin + i][t], bias)
+            rows(on, small, &source, |o, i, t| kernels[o * size.cin + i][t], bias)
         })
         .collect();
-    interleave(size, &quarters)
+    interleave(on, size, &quarters)
 }
 
 /// Puts the pixels of the four quarters in their places.
-fn interleave(size: Geometry, quarters: &[Vec<f32>]) -> Vec<f32> {
-    let (arch, area, width) = (Arch::new(), size.area(), size.width);
+fn interleave(on: Machine, size: Geometry, quarters: &[Vec<f32>]) -> Vec<f32> {
+    let (area, width) = (size.area(), size.width);
     let mut out = vec![0.0; 4 * size.batch * size.cout * area];
     out.par_chunks_mut(4 * area).enumerate().for_each(|(plane, out)| {
-        arch.dispatch(|| {
+        on.run(|| {
             for (y, row) in out.chunks_exact_mut(2 * width).enumerate() {
                 let from = plane * area + y / 2 * width;
                 let [even, odd] = [0, 1].map(|x| &quarters[y % 2 * 2 + x][from..from + width]);
@@ -66,7 +66,7 @@ fn interleave(size: Geometry, quarters: &[Vec<f32>]) -> Vec<f32> {
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
-pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
+pub(super) fn backward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], g: &[f32], want_x: bool) -> Gradients {
     let padded_g = Padded::quarters(g, size.height, size.width);
     let quarter_len = size.batch * size.cout * padded_g.plane;
     let x_gradient = want_x.then(|| {
@@ -79,7 +79,7 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
         let sample = size.cout * padded_g.plane;
         let source = Source { numbers: &padded_g.numbers, pitch: padded_g.pitch, lines, sample };
         let kernels = quarter_weights(weight);
-        rows(turned, &source, |o, i, t| kernels[i * size.cin + o][3 - t], &vec![0.0; size.cin])
+        rows(on, turned, &source, |o, i, t| kernels[i * size.cin + o][3 - t], &vec![0.0; size.cin])
     });
 
     let padded_x = Padded::new(x, size.height, size.width, 1);
@@ -88,7 +88,7 @@ pub(super) fn backward(size: Geometry, x: &[f32], weight: &[f32], g: &[f32], wan
     for quarter in 0..4 {
         let x_from = &padded_x.numbers[shift(quarter, padded_x.pitch)..];
         let g_from = &padded_g.numbers[quarter * quarter_len + padded_g.first_pixel(1)..];
-        let sums = products(small, &padded_x, x_from, g_from);
+        let sums = products(on, small, &padded_x, x_from, g_from);
         let (rows, cols) = (FALLS_ON[quarter / 2], FALLS_ON[quarter % 2]);
         for (kernel, sums) in weight_gradient.as_chunks_mut::<9>().0.iter_mut().zip(sums.as_chunks::<4>().0) {
             (0..9).for_each(|t| kernel[t] += sums[rows[t / 3] * 2 + cols[t % 3]]);
@@ -139,14 +139,20 @@ mod tests {
             };
             let doubled: Vec<f32> = (0..4 * x.len()).map(|i| x[at(i)]).collect();
 
-            assert_close("y", &forward(size, &x, &weight, &bias), &conv::forward(large, &doubled, &weight, &bias));
-            let (got, want) =
-                (backward(size, &x, &weight, &g, true), conv::backward(large, &doubled, &weight, &g, true));
-            let mut x_gradient = vec![0.0; x.len()];
-            want.x.unwrap().iter().enumerate().for_each(|(i, g)| x_gradient[at(i)] += g);
-            assert_close("x gradient", &got.x.unwrap(), &x_gradient);
-            assert_close("weight gradient", &got.weight, &want.weight);
-            assert_close("bias gradient", &got.bias, &want.bias);
+            for on in Machine::all() {
+                assert_close(
+                    "y",
+                    &forward(on, size, &x, &weight, &bias),
+                    &conv::forward(on, large, &doubled, &weight, &bias),
+                );
+                let (got, want) =
+                    (backward(on, size, &x, &weight, &g, true), conv::backward(on, large, &doubled, &weight, &g, true));
+                let mut x_gradient = vec![0.0; x.len()];
+                want.x.unwrap().iter().enumerate().for_each(|(i, g)| x_gradient[at(i)] += g);
+                assert_close("x gradient", &got.x.unwrap(), &x_gradient);
+                assert_close("weight gradient", &got.weight, &want.weight);
+                assert_close("bias gradient", &got.bias, &want.bias);
+            }
         }
     }
 }

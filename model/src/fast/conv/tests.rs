@@ -72,12 +72,14 @@ fn both_directions_agree_with_the_definition() {
         let mut db = vec![0.0; cout];
         g.iter().enumerate().for_each(|(at, &g)| db[at / area % cout] += f64::from(g));
 
-        assert_close("y", &forward(size, &x, &weight, &bias), &y);
-        let found = backward(size, &x, &weight, &g, true);
-        assert_close("x gradient", &found.x.unwrap(), &dx);
-        assert_close("weight gradient", &found.weight, &dw);
-        assert_close("bias gradient", &found.bias, &db);
-        assert!(backward(size, &x, &weight, &g, false).x.is_none());
+        for on in Machine::all() {
+            assert_close("y", &forward(on, size, &x, &weight, &bias), &y);
+            let found = backward(on, size, &x, &weight, &g, true);
+            assert_close("x gradient", &found.x.unwrap(), &dx);
+            assert_close("weight gradient", &found.weight, &dw);
+            assert_close("bias gradient", &found.bias, &db);
+            assert!(backward(on, size, &x, &weight, &g, false).x.is_none());
+        }
     }
 }
 
@@ -89,8 +91,8 @@ fn the_number_of_threads_does_not_change_a_bit() {
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let found = backward(size, &x, &weight, &g, true);
-            [forward(size, &x, &weight, &bias), found.x.unwrap(), found.weight, found.bias].concat()
+            let found = backward(Machine::new(), size, &x, &weight, &g, true);
+            [forward(Machine::new(), size, &x, &weight, &bias), found.x.unwrap(), found.weight, found.bias].concat()
         })
     };
     let bits = |numbers: Vec<f32>| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>();
