@@ -1,7 +1,7 @@
 //! The structure that the WAD reader and the generator share: vertices, linedefs, sidedefs, sectors, things.
 //!
 //! Units are Doom's: whole map units, `x` to the right and `y` up on the map, heights upwards. 50 units are 1 m along
-//! the ground and 41.67 units are 1 m of height (aimdoom.md, section 1).
+//! the ground and 41.67 units are 1 m of height.
 
 /// Map units in a metre along the ground.
 pub const UNITS_PER_METRE: f64 = 50.0;

@@ -1,4 +1,4 @@
-//! Doom maps as scenes (aimdoom.md): read from WAD files or generated, converted to closed meshes, written and measured.
+//! Doom maps as scenes: read from WAD files or generated, converted to closed meshes, written and measured.
 //!
 //! Data flows one way: `wad | generate → DoomMap → convert → SceneBundle → write`, and `stats` measures what was written.
 

@@ -1,5 +1,5 @@
 //! Navigation complexity: the largest ratio of walking distance to straight distance over pairs of lattice positions
-//! (paper, section 5.1; aimdoom.md, section 1).
+//! (paper, section 5.1).
 
 use nbp_env::scene::LatticeGraph;
 use nbp_env::{Node, SeedTree};

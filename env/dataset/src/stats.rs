@@ -1,4 +1,4 @@
-//! What a set of scenes is like: areas, navigation complexity, walls, clearance (aimdoom.md, section 1).
+//! What a set of scenes is like: areas, navigation complexity, walls, clearance.
 //!
 //! Works on any scene that loads, published ones included. Lengths are metres, areas square metres of plan.
 

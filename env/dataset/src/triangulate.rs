@@ -1,6 +1,6 @@
 //! Constrained Delaunay triangulation of line segments that may cross, touch and overlap.
 //!
-//! The only file that knows `spade`; the converter and the generator share it (aimdoom.md, section 2, step 3). Segments
+//! The only file that knows `spade`; the converter and the generator share it. Segments
 //! are made planar first: spade's own splitting of crossing constraints panics on maps with many crossings.
 
 use crate::arrange::{Arrangement, arrange};

@@ -1,4 +1,4 @@
-//! Scene folders in the published layout: `<scene>/<scene>.obj`, `.mtl`, `settings.json` (aimdoom.md, section 1).
+//! Scene folders in the published layout: `<scene>/<scene>.obj`, `.mtl`, `settings.json`.
 //!
 //! Lengths are metres and `y` is up; `scene.metres_per_unit` is 1. A folder appears complete or not at all: it is written
 //! under a temporary name and renamed.

@@ -1,7 +1,7 @@
 //! Known, free and occupied cells of the camera plane, carved by the depth image's horizon: a planar range scan.
 //!
 //! The lattice agent moves in the plane of its camera, so only what stands in that plane can stop it; the rows of the
-//! image next to the horizon measure exactly that (baselines.md, section 0, with a band of half a cell).
+//! image next to the horizon measure exactly that.
 
 use super::grid::{WorldGrid, cells_between};
 use crate::pose::Pose;
@@ -20,7 +20,7 @@ pub enum Cell {
     Occupied,
 }
 
-/// Side of a cell, metres (baselines.md, section 0).
+/// Side of a cell, metres.
 pub const CELL: f32 = 0.15;
 
 /// The grid.

@@ -1,4 +1,4 @@
-//! `fbe`: frontier-based exploration, nearest frontier first (Yamauchi 1997; baselines.md, section 2).
+//! `fbe`: frontier-based exploration, nearest frontier first (Yamauchi 1997).
 
 use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::episode::Action;

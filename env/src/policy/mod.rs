@@ -57,7 +57,7 @@ pub trait Policy: Send {
 const DOUBTFUL_PRICE: f32 = 10.0;
 
 /// What experience says a move costs: unknown space counts as free, so that the way across a lattice cell not yet seen
-/// can be planned (baselines.md, section 2).
+/// can be planned.
 fn observed_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
     let lattice = view.lattice();
     if !lattice.contains(b) || view.bumps(a, b) > 0 {

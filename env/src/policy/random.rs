@@ -1,4 +1,4 @@
-//! `random`: a uniformly drawn neighbour and heading (paper, section 5.2; baselines.md, section 1).
+//! `random`: a uniformly drawn neighbour and heading (paper, section 5.2).
 
 use super::{Policy, PolicyError, turn_on_the_spot};
 use crate::episode::Action;

@@ -8,7 +8,7 @@ use rand::RngExt as _;
 /// Slack around the scene's box, metres (0.2 units in the released code).
 const BOX_SLACK: f32 = 0.1;
 
-/// `count` points, uniform by area over the triangles that lie in the scene's box (nbp.md, section 3). The same scene
+/// `count` points, uniform by area over the triangles that lie in the scene's box. The same scene
 /// always gives the same points.
 pub fn sample(scene: &Scene, count: usize) -> Vec<Vec3> {
     let [low, high] = scene.bounds();

@@ -1,4 +1,4 @@
-//! Which sector each triangle of the plan belongs to (aimdoom.md, section 2, steps 3 and 4).
+//! Which sector each triangle of the plan belongs to.
 //!
 //! Triangles are flooded up to linedefs; a region takes the sector that most of its border, by length, names. That reads
 //! maps as players see them although their sectors overlap, leak, or name themselves on both sides of a line.

@@ -1,4 +1,4 @@
-//! A Doom map becomes a scene: a closed mesh in metres and its settings (aimdoom.md, section 2).
+//! A Doom map becomes a scene: a closed mesh in metres and its settings.
 //!
 //! `DoomMap → open → label → solid → Mesh + Settings`. World axes: `x = -x_doom`, `z = y_doom`, `y` is height, so that a
 //! map seen from above with `+z` up and `+x` left looks as it does in a map editor. The modal floor lies at `y = 0`, and

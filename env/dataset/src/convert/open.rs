@@ -1,4 +1,4 @@
-//! Doors opened, lifts and floors lowered: the heights that a player can make (aimdoom.md, section 2, step 2).
+//! Doors opened, lifts and floors lowered: the heights that a player can make.
 
 use crate::doom_map::{DoomMap, LineDef};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,4 +1,4 @@
-//! Floors, ceilings and walls of the free space (aimdoom.md, section 2, step 5).
+//! Floors, ceilings and walls of the free space.
 //!
 //! Every triangle of the plan is a prism of air from floor to ceiling. Walls are where the air of two neighbours differs,
 //! not where linedefs are, so the mesh is closed whatever the map's author did. Wall corners are cut at every height that

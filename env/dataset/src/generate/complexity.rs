@@ -1,4 +1,4 @@
-//! Doors and windows that bring the navigation complexity down to a target (aimdoom.md, section 3, step 3).
+//! Doors and windows that bring the navigation complexity down to a target.
 
 use super::draft::Draft;
 use super::links::{draw_width, lintel};

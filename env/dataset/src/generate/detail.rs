@@ -1,4 +1,4 @@
-//! Pillars, crates, steps and low clutter (aimdoom.md, section 3, step 4).
+//! Pillars, crates, steps and low clutter.
 
 use super::draft::Draft;
 use super::raster::{Cover, Polygon, Rect, area, bounds};

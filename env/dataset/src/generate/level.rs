@@ -1,4 +1,4 @@
-//! The four levels of difficulty and the numbers behind them (aimdoom.md, section 3).
+//! The four levels of difficulty and the numbers behind them.
 
 use super::detail::DetailStyle;
 use super::rooms::{RoomStyle, normal};

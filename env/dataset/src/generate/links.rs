@@ -1,4 +1,4 @@
-//! The spanning tree of rooms: doors in shared walls, corridors elsewhere (aimdoom.md, section 3, step 2).
+//! The spanning tree of rooms: doors in shared walls, corridors elsewhere.
 
 use super::draft::Draft;
 use super::raster::Rect;

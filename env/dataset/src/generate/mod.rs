@@ -1,4 +1,4 @@
-//! Maps without Doom: rooms, corridors, doors, windows, pillars, in Doom's own structure (aimdoom.md, section 3).
+//! Maps without Doom: rooms, corridors, doors, windows, pillars, in Doom's own structure.
 //!
 //! `rooms → links → detail → complexity → sectors → DoomMap`, and the converter that serves WAD files measures the
 //! result. The same level and seed give the same map, whatever else runs.

@@ -1,4 +1,4 @@
-//! Rooms on a lattice of 128 map units (aimdoom.md, section 3, step 1).
+//! Rooms on a lattice of 128 map units.
 
 use super::raster::{Polygon, area};
 use super::shape::Shape;

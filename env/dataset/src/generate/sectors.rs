@@ -1,4 +1,4 @@
-//! The boolean union of the pieces as sectors and linedefs (aimdoom.md, section 3, step 5).
+//! The boolean union of the pieces as sectors and linedefs.
 
 use super::draft::Piece;
 use super::raster::{bounds, contains, edges};

@@ -1,4 +1,4 @@
-//! WAD files: the directory, the binary map lumps of Doom and Doom 2, read and written (aimdoom.md, section 2, step 1).
+//! WAD files: the directory, the binary map lumps of Doom and Doom 2, read and written.
 //!
 //! Everything is bounds-checked. An error names the lump and the byte offset in the file.
 
