@@ -160,7 +160,12 @@ impl Nbp {
         };
         let here = view.pose();
         let thought = (input, prediction);
-        let paths = ShortestPaths::from(here.node, |a, b| self.price(view, &thought, a, b));
+        let price = |a, b| self.price(view, &thought, a, b);
+        let mut paths = ShortestPaths::from(here.node, |a, b| price(a, b).filter(|&price| price < DOUBTFUL_PRICE));
+        if paths.reached().count() == 1 {
+            // Walled in by what only looks like walls: a doubtful way out is better than none.
+            paths = ShortestPaths::from(here.node, price);
+        }
         let value = |pose| thought.1.value.of_pose(&thought.0.window, view.lattice(), pose);
         let is_wanted = |pose: &LatticePose| *pose != here && !(self.config.skip_visited && view.visits(*pose) > 0);
         let candidates: Vec<Candidate> = paths
