@@ -8,7 +8,7 @@ use tensorboard_rs::summary_writer::SummaryWriter;
 
 enum Event {
     Scalar(String, f32, usize),
-    Image(String, Vec<u8>, [usize; 2], usize),
+    Image(String, Vec<u8>, usize, usize),
     Flush,
 }
 
@@ -38,7 +38,11 @@ impl TensorBoard {
 
     /// A picture.
     pub fn image(&mut self, name: &str, picture: &Rgb, step: usize) {
-        self.send(Event::Image(name.into(), picture.data.clone(), [picture.width, picture.height], step));
+        // Square, because tensorboard-rs exchanges width and height in what it tells TensorBoard.
+        let side = picture.width.max(picture.height);
+        let mut square = Rgb::filled(side, side, [0; 3]);
+        square.paste(picture, 0, 0);
+        self.send(Event::Image(name.into(), square.data, side, step));
     }
 
     /// Forces out what is pending.
@@ -69,9 +73,7 @@ fn write(folder: &PathBuf, events: &Receiver<Event>) {
     for event in events {
         match event {
             Event::Scalar(name, value, step) => writer.add_scalar(&name, value, step),
-            Event::Image(name, data, [width, height], step) => {
-                writer.add_image(&name, &data, &[3, width, height], step)
-            }
+            Event::Image(name, data, side, step) => writer.add_image(&name, &data, &[3, side, side], step),
             Event::Flush => writer.flush(),
         }
     }
