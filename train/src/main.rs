@@ -82,7 +82,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
     }
     let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
     let device = config.device.resolve_for("train")?;
-    let changed_table = prepare(&folder, &config)?;
+    prepare(&folder, &config)?;
     let _lock = lock(&folder)?;
     interrupt::listen();
 
@@ -100,7 +100,8 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
     let log =
         Log::open(&folder, progress.steps, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
     if progress.done {
-        return finish(&config, &folder, &log, !changed_table);
+        eprintln!("the run in {} is complete; train another with --run DIR", folder.display());
+        return finish(&config, &folder, &log);
     }
     if has_last || has_best {
         tracing::info!("resuming at iteration {}, step {}", progress.iteration + 1, progress.steps);
@@ -129,19 +130,19 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
         eprintln!("saved in {}; the same command resumes", folder.display());
         return Ok(Outcome::Interrupted);
     }
-    finish(&config, &folder, &session.log, false)
+    finish(&config, &folder, &session.log)
 }
 
+/// The final table, in a run's folder.
+const TABLE: &str = "eval/table.txt";
+
 /// Prints the final table, computed once and kept in `eval/`.
-fn finish(config: &Config, folder: &Path, log: &Log, was_done: bool) -> Result<Outcome> {
+fn finish(config: &Config, folder: &Path, log: &Log) -> Result<Outcome> {
     interrupt::nothing_to_save();
-    let kept = folder.join("eval/table.txt");
-    if was_done {
-        eprintln!("the run in {} is complete; train another with --run DIR", folder.display());
-    }
+    let kept = folder.join(TABLE);
     let table = match fs::read_to_string(&kept) {
-        Ok(table) if was_done => table,
-        _ => {
+        Ok(table) => table,
+        Err(_) => {
             let table = report::final_table(config, folder, log)?;
             weights::write_atomic(&kept, table.as_bytes()).with_context(|| format!("writing {}", kept.display()))?;
             table
@@ -162,9 +163,9 @@ fn configure(arguments: &Arguments) -> Result<(Config, String)> {
     Ok((config, config::run_name(&files)))
 }
 
-/// Makes the run's folder, or checks that it was made for this configuration; tells whether the final table is to be
-/// another one.
-fn prepare(folder: &Path, config: &Config) -> Result<bool> {
+/// Makes the run's folder, or checks that it was made for this configuration. Where only the final table is to be another
+/// one, the old table goes.
+fn prepare(folder: &Path, config: &Config) -> Result<()> {
     let unwritable =
         || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
     let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
@@ -184,8 +185,11 @@ fn prepare(folder: &Path, config: &Config) -> Result<bool> {
             learnt.join("; ")
         );
     }
-    weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable)?;
-    Ok(!differences.is_empty())
+    let table = folder.join(TABLE);
+    if !differences.is_empty() && table.exists() {
+        fs::remove_file(&table).with_context(|| format!("removing the old {}", table.display()))?;
+    }
+    weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable)
 }
 
 /// Keeps a second process out of the run for as long as the file is open.

@@ -92,10 +92,10 @@ impl Session {
                 }
                 let verdict = self.validate()?;
                 (self.progress.epoch, self.progress.step_of_epoch) = (epoch + 1, 0);
+                self.progress.done = verdict == Verdict::Stop;
                 self.save(verdict)?;
-                if verdict == Verdict::Stop {
+                if self.progress.done {
                     tracing::info!("no better validation loss for {} epochs: stopping early", train.early_stop);
-                    self.progress.done = true;
                     break;
                 }
             }
