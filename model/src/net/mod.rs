@@ -133,7 +133,6 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "two seconds and a gigabyte: the paper's full size"]
     fn the_papers_shapes() {
         let net = Nbp::new(&NetConfig::default(), 1, &Device::flex()).unwrap();
         let x_bchw = Tensor::zeros([1, 5, 256, 256], &Device::flex());
