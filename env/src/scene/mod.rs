@@ -1,5 +1,6 @@
 //! A scene: an immutable checked mesh, what is derived from it once, and where the agent may stand.
 
+pub mod appearance;
 pub mod graph;
 pub mod load;
 pub mod mesh;
@@ -8,6 +9,7 @@ pub mod settings;
 pub mod slice;
 pub mod surface;
 
+pub use appearance::{Appearance, Image, Paint};
 pub use graph::LatticeGraph;
 pub use load::LoadError;
 pub use mesh::{Mesh, MeshError};
