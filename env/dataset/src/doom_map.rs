@@ -3,6 +3,8 @@
 //! Units are Doom's: whole map units, `x` to the right and `y` up on the map, heights upwards. 50 units are 1 m along
 //! the ground and 41.67 units are 1 m of height.
 
+use std::fmt::{self, Write as _};
+
 /// Map units in a metre along the ground.
 pub const UNITS_PER_METRE: f64 = 50.0;
 
@@ -14,6 +16,53 @@ pub const CAMERA_UNITS: f64 = 68.75;
 
 /// Distance of neighbouring lattice nodes, map units (1.5 m).
 pub const LATTICE_UNITS: f64 = 75.0;
+
+/// Name of a texture, a flat or a lump: up to eight bytes, upper case.
+#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Name([u8; 8]);
+
+impl Name {
+    /// "No texture": nothing is drawn there.
+    pub const NONE: Self = Self::of("-");
+
+    /// The name in a text, cut to eight bytes.
+    pub const fn of(text: &str) -> Self {
+        let bytes = text.as_bytes();
+        let (mut name, mut at) = ([0; 8], 0);
+        while at < bytes.len() && at < 8 {
+            name[at] = bytes[at].to_ascii_uppercase();
+            at += 1;
+        }
+        Self(name)
+    }
+
+    /// The name in a record: what follows a zero byte is dropped.
+    pub fn from_record(record: &[u8]) -> Self {
+        let mut name = [0; 8];
+        for (to, from) in name.iter_mut().zip(record.iter().take_while(|&&b| b != 0)) {
+            *to = from.to_ascii_uppercase();
+        }
+        Self(name)
+    }
+
+    /// As in a record, padded with zeros.
+    pub fn bytes(&self) -> &[u8; 8] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = self.0.iter().take_while(|&&b| b != 0);
+        text.flat_map(|b| b.escape_ascii()).try_for_each(|b| f.write_char(b.into()))
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.to_string())
+    }
+}
 
 /// One map.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -61,25 +110,39 @@ pub struct LineDef {
 }
 
 /// One side of a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SideDef {
     /// Index of the sector on this side.
     pub sector: u32,
+    /// Texels by which the textures are moved to the left and up.
+    pub offset: [i16; 2],
+    /// Texture above an opening.
+    pub upper: Name,
+    /// Texture below an opening.
+    pub lower: Name,
+    /// Texture of a wall without an opening, or in it.
+    pub middle: Name,
 }
 
 /// An area with one floor and one ceiling.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sector {
     /// Height of the floor.
     pub floor: i32,
     /// Height of the ceiling; at or below the floor for a closed door.
     pub ceiling: i32,
-    /// Whether the ceiling shows the sky. The mesh is closed there all the same.
+    /// Whether the ceiling shows the sky, which its flat's name tells. The mesh is closed there all the same.
     pub is_sky: bool,
     /// Sector type (14 is a door that opens by itself).
     pub special: u16,
     /// Name that linedef specials use.
     pub tag: u16,
+    /// Flat on the floor.
+    pub floor_flat: Name,
+    /// Flat on the ceiling.
+    pub ceiling_flat: Name,
+    /// Brightness, 0 to 255.
+    pub light: u16,
 }
 
 /// A thing on the map.
@@ -114,7 +177,7 @@ pub(crate) mod build {
     impl DoomMap {
         /// Adds a sector and names it.
         pub(crate) fn sector(&mut self, floor: i32, ceiling: i32) -> u32 {
-            self.sectors.push(Sector { floor, ceiling, is_sky: false, special: 0, tag: 0 });
+            self.sectors.push(Sector { floor, ceiling, ..Sector::default() });
             self.sectors.len() as u32 - 1
         }
 
@@ -129,7 +192,7 @@ pub(crate) mod build {
             });
             let [front, back] = [right, left].map(|sector| {
                 sector.map(|sector| {
-                    self.sidedefs.push(SideDef { sector });
+                    self.sidedefs.push(SideDef { sector, ..SideDef::default() });
                     self.sidedefs.len() as u32 - 1
                 })
             });

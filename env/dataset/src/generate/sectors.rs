@@ -2,12 +2,17 @@
 
 use super::draft::Piece;
 use super::raster::{bounds, contains, edges};
-use crate::doom_map::{DoomMap, LineDef, Sector, SideDef, Thing, Vertex};
+use crate::doom_map::{DoomMap, LineDef, Name, Sector, SideDef, Thing, Vertex};
 use crate::triangulate::{TriangulateError, Triangulation};
 use std::collections::BTreeMap;
 
 const TWO_SIDED: u16 = 4;
 const IMPASSABLE: u16 = 1;
+/// Textures that every Doom 2 IWAD and Freedoom have.
+const WALL: Name = Name::of("STONE2");
+const FLOOR: Name = Name::of("FLOOR4_8");
+const CEILING: Name = Name::of("CEIL3_5");
+const LIGHT: u16 = 160;
 
 /// Cuts the pieces against each other and names the sectors. Every triangle belongs to the topmost piece that contains
 /// its middle, and linedefs run where the air changes, so the sectors are closed by construction.
@@ -24,8 +29,8 @@ pub(crate) fn to_map(name: &str, pieces: &[Piece]) -> Result<DoomMap, Triangulat
     sectors.values_mut().enumerate().for_each(|(number, sector)| *sector = number as u32);
     let sector_of = |triangle: usize| air[triangle].and_then(|heights| sectors.get(&heights).copied());
     let mut map = DoomMap { name: name.into(), ..DoomMap::default() };
-    map.sectors =
-        sectors.keys().map(|&(floor, ceiling)| Sector { floor, ceiling, is_sky: false, special: 0, tag: 0 }).collect();
+    let flats = Sector { floor_flat: FLOOR, ceiling_flat: CEILING, light: LIGHT, ..Sector::default() };
+    map.sectors = sectors.keys().map(|&(floor, ceiling)| Sector { floor, ceiling, ..flats }).collect();
     let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
     for triangle in 0..plan.triangles.len() {
         for edge in 0..3 {
@@ -46,8 +51,9 @@ pub(crate) fn to_map(name: &str, pieces: &[Piece]) -> Result<DoomMap, Triangulat
                     next
                 })
             });
+            let middle = if right.is_some() { Name::NONE } else { WALL };
             let mut side = |sector| {
-                map.sidedefs.push(SideDef { sector });
+                map.sidedefs.push(SideDef { sector, offset: [0; 2], upper: WALL, lower: WALL, middle });
                 map.sidedefs.len() as u32 - 1
             };
             let front = Some(side(left));

@@ -1,7 +1,7 @@
 //! The records of a map's lumps.
 
 use super::{Lump, NO_SIDE, WadError};
-use crate::doom_map::{DoomMap, LineDef, Sector, SideDef, Thing, Vertex};
+use crate::doom_map::{DoomMap, LineDef, Name, Sector, SideDef, Thing, Vertex};
 
 /// The lumps of one map.
 pub(super) struct MapReader<'a> {
@@ -19,11 +19,14 @@ impl MapReader<'_> {
         let vertices =
             self.records("VERTEXES", 4, |r| Ok(Vertex { x: i32::from(r.i16(0)), y: i32::from(r.i16(2)) }))?;
         let sectors = self.records("SECTORS", 26, |r| {
-            let flat: Vec<u8> = r.0.get(12..20).unwrap_or_default().to_ascii_uppercase();
+            let ceiling_flat = r.name(12);
             Ok(Sector {
                 floor: i32::from(r.i16(0)),
                 ceiling: i32::from(r.i16(2)),
-                is_sky: flat.starts_with(b"F_SKY"),
+                is_sky: ceiling_flat.bytes().starts_with(b"F_SKY"),
+                floor_flat: r.name(4),
+                ceiling_flat,
+                light: r.u16(20),
                 special: r.u16(22),
                 tag: r.u16(24),
             })
@@ -31,7 +34,13 @@ impl MapReader<'_> {
         let sidedefs = self.records("SIDEDEFS", 30, |r| {
             let sector = r.u16(28);
             below("sector", sector, sectors.len())?;
-            Ok(SideDef { sector: u32::from(sector) })
+            Ok(SideDef {
+                sector: u32::from(sector),
+                offset: [r.i16(0), r.i16(2)],
+                upper: r.name(4),
+                lower: r.name(12),
+                middle: r.name(20),
+            })
         })?;
         let linedefs = self.records("LINEDEFS", 14, |r| {
             let side = |at| {
@@ -94,6 +103,10 @@ impl Record<'_> {
 
     fn i16(&self, at: usize) -> i16 {
         self.u16(at) as i16
+    }
+
+    fn name(&self, at: usize) -> Name {
+        Name::from_record(self.0.get(at..at + 8).unwrap_or_default())
     }
 }
 

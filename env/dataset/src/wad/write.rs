@@ -1,14 +1,7 @@
 //! A map as a WAD file, for tests and for map editors. Nodes are left to a node builder.
 
 use super::{NO_SIDE, WadError};
-use crate::doom_map::DoomMap;
-
-/// A texture and flats that every Doom 2 IWAD and Freedoom have.
-const WALL: &[u8; 8] = b"STONE2\0\0";
-const NO_WALL: &[u8; 8] = b"-\0\0\0\0\0\0\0";
-const FLOOR: &[u8; 8] = b"FLOOR4_8";
-const CEILING: &[u8; 8] = b"CEIL3_5\0";
-const SKY: &[u8; 8] = b"F_SKY1\0\0";
+use crate::doom_map::{DoomMap, SideDef};
 
 /// A PWAD with one map of the given name.
 ///
@@ -32,24 +25,16 @@ pub fn to_bytes(map: &DoomMap, name: &str) -> Result<Vec<u8>, WadError> {
         Ok(u16s(&[index(l.from)?, index(l.to)?, l.flags, l.special, l.tag, side(l.front)?, side(l.back)?]))
     };
     lump("LINEDEFS", map.linedefs.iter().map(line).collect())?;
-    let mut is_two_sided = vec![false; map.sidedefs.len()];
-    for line in map.linedefs.iter().filter(|line| line.front.is_some() && line.back.is_some()) {
-        for side in [line.front, line.back].into_iter().flatten() {
-            if let Some(mark) = is_two_sided.get_mut(side as usize) {
-                *mark = true;
-            }
-        }
-    }
-    let sides = map.sidedefs.iter().zip(&is_two_sided).map(|(s, &open)| {
-        let middle = if open { NO_WALL } else { WALL };
-        Ok([&[0; 4], WALL.as_slice(), WALL, middle, &u16s(&[index(s.sector)?])].concat())
-    });
-    lump("SIDEDEFS", sides.collect())?;
+    let side = |s: &SideDef| {
+        let offset: Vec<u8> = s.offset.iter().flat_map(|o| o.to_le_bytes()).collect();
+        let names = [s.upper, s.lower, s.middle].map(|name| *name.bytes()).concat();
+        Ok([offset, names, u16s(&[index(s.sector)?])].concat())
+    };
+    lump("SIDEDEFS", map.sidedefs.iter().map(side).collect())?;
     lump("VERTEXES", map.vertices.iter().map(|v| i16s(&[v.x, v.y])).collect())?;
     let sectors = map.sectors.iter().map(|s| {
-        let ceiling = if s.is_sky { SKY } else { CEILING };
-        const LIGHT: u16 = 160;
-        Ok([i16s(&[s.floor, s.ceiling])?, FLOOR.to_vec(), ceiling.to_vec(), u16s(&[LIGHT, s.special, s.tag])].concat())
+        let flats = [s.floor_flat, s.ceiling_flat].map(|name| *name.bytes()).concat();
+        Ok([i16s(&[s.floor, s.ceiling])?, flats, u16s(&[s.light, s.special, s.tag])].concat())
     });
     lump("SECTORS", sectors.collect())?;
     Ok(assemble(name, &lumps))
