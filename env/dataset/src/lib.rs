@@ -12,9 +12,11 @@ pub mod convert;
 
 pub mod generate;
 
+pub mod closed;
 pub mod navigation;
 pub mod picture;
 pub mod stats;
+pub mod visible;
 pub mod write;
 
 pub use convert::{ConvertError, ConvertOptions, ConvertReport, SceneBundle, convert};

@@ -2,6 +2,7 @@
 //!
 //! Works on any scene that loads, published ones included. Lengths are metres, areas square metres of plan.
 
+use crate::closed::Escape;
 use crate::navigation::Navigation;
 use glam::{Vec2, Vec3};
 use nbp_env::pose::Lattice;
@@ -19,38 +20,46 @@ const CLEARANCE_SAMPLES: usize = 4000;
 /// Faces are looked at from this far.
 const OFF_WALL: f32 = 0.01;
 
-/// The figures of one scene.
+/// The figures of one scene. Names are the keys of the JSON that `dataset stats --json` writes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneStats {
     /// Scene.
     pub name: String,
     /// Area of the faces with free space above them.
-    pub floor_area: f64,
+    pub floor_area_m2: f64,
     /// Largest area that is connected in the camera plane.
-    pub plane_area: f64,
+    pub connected_area_m2: f64,
+    /// Accessibility: the connected area over the floor area. The paper asks whether doors and windows can be passed; where
+    /// one cannot, what lies behind it is missing here.
+    pub accessible_share: f64,
     /// Connected positions on the 1.5 m lattice.
-    pub nodes: usize,
+    pub positions: usize,
     /// Largest ratio of walking to straight distance, all pairs of these positions.
-    pub complexity: f64,
+    pub navigation_complexity: f64,
     /// The same over a random share of the pairs, as the paper measures it: a lower bound.
-    pub sampled_complexity: f64,
+    pub navigation_complexity_sampled: f64,
     /// Faces of the mesh.
     pub triangles: usize,
+    /// Share of rays from inside that meet no surface: 0 for a closed mesh.
+    pub escaping_ray_share: f64,
+    /// Share of the surface that can be seen from reachable poses, see [`visible_share`](crate::visible::visible_share);
+    /// `None` where it was not measured.
+    pub visible_share: Option<f64>,
     /// Floor area over the area of the bounding box.
-    pub fill: f64,
-    /// Wall length in the camera plane over the area that is connected there, m/m².
-    pub wall_density: f64,
+    pub fill_share: f64,
+    /// Wall length in the camera plane over the area that is connected there.
+    pub wall_length_m_per_m2: f64,
     /// Share of that wall length that is not parallel to an axis.
-    pub oblique_share: f64,
+    pub oblique_wall_share: f64,
     /// Median distance from a free place to the nearest wall.
-    pub clearance_p50: f64,
+    pub clearance_p50_m: f64,
     /// 90th percentile of the same.
-    pub clearance_p90: f64,
+    pub clearance_p90_m: f64,
     /// Wall outlines, other than the outer one, for each 100 m².
-    pub islands: f64,
+    pub islands_per_100_m2: f64,
 }
 
-/// Measures a scene.
+/// Measures all but what can be seen, which takes far longer than the rest.
 pub fn measure(scene: &Scene) -> SceneStats {
     let navigation = Navigation::of(scene.graph());
     let floor_area: f64 = scene.mesh().iter_corners().filter_map(|corners| floor_of(scene, corners)).sum();
@@ -67,18 +76,21 @@ pub fn measure(scene: &Scene) -> SceneStats {
     let percentile = |p: usize| clearance.get(clearance.len() * p / 100).map_or(0.0, |&c| f64::from(c));
     SceneStats {
         name: scene.name().into(),
-        floor_area,
-        plane_area,
-        nodes: navigation.nodes().len(),
-        complexity: navigation.complexity().ratio,
-        sampled_complexity: navigation.sampled_complexity(published_share(plane_area), SeedTree::new(0)),
+        floor_area_m2: floor_area,
+        connected_area_m2: plane_area,
+        accessible_share: ratio(plane_area, floor_area),
+        positions: navigation.nodes().len(),
+        navigation_complexity: navigation.complexity().ratio,
+        navigation_complexity_sampled: navigation.sampled_complexity(published_share(plane_area), SeedTree::new(0)),
         triangles: scene.mesh().triangles().len(),
-        fill: floor_area / f64::from((high.x - low.x) * (high.z - low.z)),
-        wall_density: ratio(wall_length, plane_area),
-        oblique_share: ratio(oblique, wall_length),
-        clearance_p50: percentile(50),
-        clearance_p90: percentile(90),
-        islands: ratio(100.0 * outlines(scene.walls(), &walls).saturating_sub(1) as f64, plane_area),
+        escaping_ray_share: Escape::of(scene).share(),
+        visible_share: None,
+        fill_share: floor_area / f64::from((high.x - low.x) * (high.z - low.z)),
+        wall_length_m_per_m2: ratio(wall_length, plane_area),
+        oblique_wall_share: ratio(oblique, wall_length),
+        clearance_p50_m: percentile(50),
+        clearance_p90_m: percentile(90),
+        islands_per_100_m2: ratio(100.0 * outlines(scene.walls(), &walls).saturating_sub(1) as f64, plane_area),
     }
 }
 
@@ -208,14 +220,18 @@ mod tests {
     fn two_rooms_have_known_figures() {
         let stats = measure(&Scene::two_rooms());
         let floor = 2.0 * 5.9 * 9.0 + 0.2 * 2.0;
-        assert!((stats.floor_area - floor).abs() < 1e-3, "{stats:?}");
-        assert!((stats.plane_area - floor).abs() < 2.0, "{stats:?}");
-        assert_eq!(stats.nodes, 48);
-        assert!((stats.islands - 100.0 / stats.plane_area).abs() < 1e-6, "the pillar is one island: {stats:?}");
-        assert_eq!(stats.oblique_share, 0.0);
-        assert!(stats.sampled_complexity <= stats.complexity + 1e-9);
+        assert!((stats.floor_area_m2 - floor).abs() < 1e-3, "{stats:?}");
+        assert!((stats.connected_area_m2 - floor).abs() < 2.0, "{stats:?}");
+        assert_eq!(stats.positions, 48);
+        assert!(
+            (stats.islands_per_100_m2 - 100.0 / stats.connected_area_m2).abs() < 1e-6,
+            "the pillar is one island: {stats:?}"
+        );
+        assert_eq!(stats.oblique_wall_share, 0.0);
+        assert!(stats.navigation_complexity_sampled <= stats.navigation_complexity + 1e-9);
         let walls = 2.0 * (5.9 + 9.0) * 2.0 - 2.0 * 2.0 + 2.0 * 0.2 + 4.0 * 0.6;
-        assert!((stats.wall_density - walls / stats.plane_area).abs() < 0.02, "{stats:?}");
+        assert_eq!(stats.escaping_ray_share, 0.0);
+        assert!((stats.wall_length_m_per_m2 - walls / stats.connected_area_m2).abs() < 0.02, "{stats:?}");
     }
 
     #[test]

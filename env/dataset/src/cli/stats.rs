@@ -1,20 +1,25 @@
 //! `dataset stats`.
 
-use super::{Column, bar, print_table};
-use anyhow::{Context as _, Result, bail};
+use super::{Column, bar, print_table, scenes_in};
+use anyhow::{Context as _, Result};
 use nbp_dataset::picture::Picture;
-use nbp_dataset::stats::{SceneStats, measure};
+use nbp_dataset::stats::{SceneStats, measure, spread};
+use nbp_dataset::visible::visible_share;
 use nbp_env::Scene;
-use nbp_env::scene::load::find_scenes;
 use rayon::prelude::*;
-use std::path::PathBuf;
+use serde::Serialize;
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:
-  dataset stats data/simple
-  dataset stats data/simple data/normal --json stats.json --pictures pictures
+  dataset stats data/simple --quick
+  dataset stats data/simple data/normal --markdown
+  dataset stats data/simple --json > stats.json
 
 Complexity is the largest ratio of walking to straight distance over all pairs of connected positions on the 1.5 m
-lattice; 'sampled' is the published protocol, 0.02 to 1 % of the pairs by the size of the map: a lower bound.";
+lattice; 'sampled' is the published protocol, 0.02 to 1 % of the pairs by the size of the map: a lower bound. Accessible
+is the share of the floor that is connected in the camera plane; escaping the share of 64,000 rays from inside that meet
+nothing; visible the share of the surface that can be seen from all positions and headings together.";
 
 /// Side of a picture's pixel, metres.
 const PIXEL: f32 = 0.08;
@@ -25,59 +30,111 @@ pub(crate) struct Args {
     /// Scene folders, folders of them at any depth, or OBJ files.
     #[arg(required = true, value_name = "DIR")]
     dirs: Vec<PathBuf>,
-    /// Also write the figures of every scene to this file.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    /// Print one row for each DIR, mean ± standard deviation, as a Markdown table.
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+    /// Print every scene's figures and their means as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Leave out what can be seen, which takes most of the time.
+    #[arg(long)]
+    quick: bool,
     /// Also draw every scene from above into this folder: floors, walls at the camera plane, positions, starts.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let mut paths = Vec::new();
-    for dir in &args.dirs {
-        let found = find_scenes(dir)?;
-        if found.is_empty() {
-            bail!("{} holds no scene: give a folder with *.obj files at any depth", dir.display());
-        }
-        paths.extend(found);
-    }
+    let sets: Vec<Vec<PathBuf>> = args.dirs.iter().map(|dir| scenes_in(dir)).collect::<Result<_>>()?;
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     }
-    let bar = bar(paths.len(), "measuring");
-    let one = |path: &PathBuf| -> Result<SceneStats> {
+    let bar = bar(sets.iter().map(Vec::len).sum(), "measuring");
+    let one = |path: &&PathBuf| -> Result<SceneStats> {
         let scene = Scene::load(path)?;
         if let Some(folder) = &args.pictures {
             let file = folder.join(format!("{}.png", scene.name()));
             let png = Picture::of(&scene, PIXEL).png()?;
             std::fs::write(&file, png).with_context(|| format!("cannot write {}", file.display()))?;
         }
+        let visible = if args.quick { None } else { Some(visible_share(&scene)) };
+        let stats = SceneStats { visible_share: visible, ..measure(&scene) };
         bar.inc(1);
-        Ok(measure(&scene))
+        Ok(stats)
     };
+    let paths: Vec<&PathBuf> = sets.iter().flatten().collect();
     let scenes: Vec<SceneStats> = paths.par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&scenes)?;
-        std::fs::write(path, text + "\n").with_context(|| format!("cannot write {}", path.display()))?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report(&scenes)?)?);
+    } else if args.markdown {
+        let mut rest = scenes.as_slice();
+        print_markdown_head();
+        for (dir, set) in args.dirs.iter().zip(&sets) {
+            let (rows, others) = rest.split_at(set.len());
+            rest = others;
+            print_markdown_row(dir, rows);
+        }
+    } else {
+        let names: Vec<&str> = scenes.iter().map(|s| s.name.as_str()).collect();
+        print_table(&names, &scenes, &COLUMNS);
     }
-    let names: Vec<&str> = scenes.iter().map(|s| s.name.as_str()).collect();
-    print_table(&names, &scenes, &COLUMNS);
     Ok(())
 }
 
-const COLUMNS: [Column<SceneStats>; 12] = [
-    Column { heading: "floor m²", decimals: 0, value: |s| s.floor_area },
-    Column { heading: "connected m²", decimals: 0, value: |s| s.plane_area },
-    Column { heading: "positions", decimals: 0, value: |s| s.nodes as f64 },
-    Column { heading: "complexity", decimals: 1, value: |s| s.complexity },
-    Column { heading: "sampled", decimals: 1, value: |s| s.sampled_complexity },
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report<'a> {
+    scenes: &'a [SceneStats],
+    mean: Map<String, Value>,
+    standard_deviation: Map<String, Value>,
+}
+
+/// Figures of all scenes, and mean and standard deviation of every figure that each of them has.
+fn report(scenes: &[SceneStats]) -> Result<Report<'_>> {
+    let rows = scenes.iter().map(serde_json::to_value).collect::<serde_json::Result<Vec<Value>>>()?;
+    let mut report = Report { scenes, mean: Map::new(), standard_deviation: Map::new() };
+    for key in rows.first().and_then(Value::as_object).into_iter().flat_map(Map::keys) {
+        let figures: Option<Vec<f64>> = rows.iter().map(|row| row[key].as_f64()).collect();
+        if let Some(figures) = figures {
+            let spread = spread(figures.into_iter());
+            report.mean.insert(key.clone(), spread.mean.into());
+            report.standard_deviation.insert(key.clone(), spread.deviation.into());
+        }
+    }
+    Ok(report)
+}
+
+fn print_markdown_head() {
+    let headings: Vec<&str> = COLUMNS.iter().map(|column| column.heading).collect();
+    println!("| set | scenes | floor m², all | {} |", headings.join(" | "));
+    println!("|---|{}", "---:|".repeat(COLUMNS.len() + 2));
+}
+
+fn print_markdown_row(dir: &Path, scenes: &[SceneStats]) {
+    let name = dir.canonicalize().ok().and_then(|dir| Some(dir.file_name()?.to_string_lossy().into_owned()));
+    let all: f64 = scenes.iter().map(|s| s.floor_area_m2).sum();
+    print!("| {} | {} | {all:.0} |", name.unwrap_or_else(|| dir.display().to_string()), scenes.len());
+    for column in &COLUMNS {
+        print!(" {} |", column.spread(scenes));
+    }
+    println!();
+}
+
+const COLUMNS: [Column<SceneStats>; 15] = [
+    Column { heading: "floor m²", decimals: 0, value: |s| s.floor_area_m2 },
+    Column { heading: "complexity", decimals: 1, value: |s| s.navigation_complexity },
+    Column { heading: "sampled", decimals: 1, value: |s| s.navigation_complexity_sampled },
+    Column { heading: "connected m²", decimals: 0, value: |s| s.connected_area_m2 },
+    Column { heading: "accessible %", decimals: 1, value: |s| 100.0 * s.accessible_share },
+    Column { heading: "positions", decimals: 0, value: |s| s.positions as f64 },
     Column { heading: "triangles", decimals: 0, value: |s| s.triangles as f64 },
-    Column { heading: "fill", decimals: 2, value: |s| s.fill },
-    Column { heading: "walls m/m²", decimals: 2, value: |s| s.wall_density },
-    Column { heading: "oblique", decimals: 2, value: |s| s.oblique_share },
-    Column { heading: "clear p50 m", decimals: 2, value: |s| s.clearance_p50 },
-    Column { heading: "clear p90 m", decimals: 2, value: |s| s.clearance_p90 },
-    Column { heading: "isles/100 m²", decimals: 1, value: |s| s.islands },
+    Column { heading: "escaping %", decimals: 2, value: |s| 100.0 * s.escaping_ray_share },
+    Column { heading: "visible %", decimals: 1, value: |s| 100.0 * s.visible_share.unwrap_or(f64::NAN) },
+    Column { heading: "fill", decimals: 2, value: |s| s.fill_share },
+    Column { heading: "walls m/m²", decimals: 2, value: |s| s.wall_length_m_per_m2 },
+    Column { heading: "oblique", decimals: 2, value: |s| s.oblique_wall_share },
+    Column { heading: "clear p50 m", decimals: 2, value: |s| s.clearance_p50_m },
+    Column { heading: "clear p90 m", decimals: 2, value: |s| s.clearance_p90_m },
+    Column { heading: "isles/100 m²", decimals: 1, value: |s| s.islands_per_100_m2 },
 ];
