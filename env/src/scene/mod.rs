@@ -2,6 +2,7 @@
 
 pub mod appearance;
 pub mod graph;
+pub mod image;
 pub mod load;
 pub mod mesh;
 pub mod rays;
@@ -11,6 +12,7 @@ pub mod surface;
 
 pub use appearance::{Appearance, Image, Paint};
 pub use graph::LatticeGraph;
+pub use image::ImageError;
 pub use load::LoadError;
 pub use mesh::{Mesh, MeshError};
 pub use rays::RayIndex;
