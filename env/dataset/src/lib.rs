@@ -17,12 +17,14 @@ pub mod navigation;
 pub mod picture;
 pub mod stats;
 pub mod visible;
+
+mod atlas;
 pub mod write;
 
 pub use convert::{ConvertError, ConvertOptions, ConvertReport, SceneBundle, convert};
 pub use doom_map::DoomMap;
 pub use generate::{GenerateError, Generated, Level, generate};
-pub use write::{WriteError, write_scene};
+pub use write::{WriteError, write_mesh, write_scene};
 
 use nbp_env::scene::SceneError;
 use nbp_env::{Scene, SeedTree};

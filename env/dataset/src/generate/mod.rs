@@ -153,7 +153,7 @@ fn check(targets: &Targets, area: f64, complexity: f64, slack: f64) -> Result<()
 mod tests {
     use super::*;
     use crate::to_scene;
-    use crate::write::obj;
+    use crate::write::Model;
     use glam::Vec3;
     use rand::RngExt as _;
     use std::collections::BTreeMap;
@@ -163,7 +163,8 @@ mod tests {
         for level in [Level::Simple, Level::Hard] {
             let [a, b] = [(), ()].map(|()| generate(level, 11).unwrap());
             assert_eq!(a.map, b.map);
-            assert_eq!(obj(&a.scene), obj(&b.scene));
+            let model = |made: &Generated| Model::of(&made.scene.name, &made.scene.mesh).unwrap();
+            assert_eq!(model(&a), model(&b));
             assert_eq!(a.scene.settings, b.scene.settings);
         }
         assert_ne!(generate(Level::Simple, 1).unwrap().map.vertices, generate(Level::Simple, 2).unwrap().map.vertices);
