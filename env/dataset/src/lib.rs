@@ -24,7 +24,7 @@ pub mod write;
 pub use convert::{ConvertError, ConvertOptions, ConvertReport, SceneBundle, convert};
 pub use doom_map::DoomMap;
 pub use generate::{GenerateError, Generated, Level, generate};
-pub use write::{WriteError, write_mesh, write_scene};
+pub use write::{WriteError, write_mesh, write_scene, write_scene_with};
 
 use nbp_env::scene::SceneError;
 use nbp_env::{Scene, SeedTree};

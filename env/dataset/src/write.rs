@@ -56,7 +56,20 @@ pub enum WriteError {
 /// # Errors
 /// When the folder exists and `replace` is false, or the file system refuses.
 pub fn write_scene(scene: &SceneBundle, parent: &Path, replace: bool) -> Result<PathBuf, WriteError> {
-    write_mesh(&scene.name, &scene.mesh, &scene.settings, parent, replace).map(|written| written.folder)
+    write_scene_with(scene, &[], parent, replace)
+}
+
+/// The same with further files in the folder, given by name and content.
+///
+/// # Errors
+/// As [`write_scene`].
+pub fn write_scene_with(
+    scene: &SceneBundle,
+    extra: &[(String, Vec<u8>)],
+    parent: &Path,
+    replace: bool,
+) -> Result<PathBuf, WriteError> {
+    write_folder(&scene.name, &scene.mesh, &scene.settings, extra, parent, replace).map(|written| written.folder)
 }
 
 /// What was written.
@@ -79,6 +92,17 @@ pub fn write_mesh(
     parent: &Path,
     replace: bool,
 ) -> Result<Written, WriteError> {
+    write_folder(name, mesh, settings, &[], parent, replace)
+}
+
+fn write_folder(
+    name: &str,
+    mesh: &Mesh,
+    settings: &Settings,
+    extra: &[(String, Vec<u8>)],
+    parent: &Path,
+    replace: bool,
+) -> Result<Written, WriteError> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     if name.is_empty() || name.starts_with('.') || !name.chars().all(is_plain) {
         return Err(WriteError::Name(name.into()));
@@ -96,7 +120,8 @@ pub fn write_mesh(
         fs::remove_dir_all(&partial).map_err(fail(&partial))?;
     }
     fs::create_dir_all(&partial).map_err(fail(&folder))?;
-    let written = write_files(name, mesh, settings, &partial).and_then(|halvings| {
+    let extra = || extra.iter().try_for_each(|(file, bytes)| write_file(&partial.join(file), bytes));
+    let written = extra().and_then(|()| write_files(name, mesh, settings, &partial)).and_then(|halvings| {
         if folder.exists() {
             fs::remove_dir_all(&folder).map_err(fail(&folder))?;
         }

@@ -44,6 +44,21 @@ fn generate_does_not_depend_on_threads() {
 }
 
 #[test]
+fn generated_wads_lie_beside_their_meshes_and_become_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let [set, again] = ["set", "again"].map(|name| folder.path().join(name));
+    let done = dataset(&["generate", "--level", "simple", "--count", "2", "--wad", "--out", set.to_str().unwrap()]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    for name in ["simple_0_000", "simple_0_001"] {
+        let wad = set.join(name).join(format!("{name}.wad"));
+        let done = dataset(&["convert", wad.to_str().unwrap(), "--out", again.to_str().unwrap()]);
+        assert!(done.status.success(), "{}", stderr(&done));
+        let [a, b] = [&set, &again].map(|set| std::fs::read(set.join(name).join(format!("{name}.obj"))).unwrap());
+        assert!(a == b, "{name}");
+    }
+}
+
+#[test]
 fn split_and_stats() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("set");

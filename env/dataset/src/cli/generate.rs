@@ -2,7 +2,8 @@
 
 use super::{Column, bar, print_table};
 use anyhow::{Result, bail};
-use nbp_dataset::{Generated, Level, WriteError, batch_seed, generate, write_scene};
+use nbp_dataset::wad::{WadError, starts, to_bytes, to_playable};
+use nbp_dataset::{DoomMap, Generated, Level, WriteError, batch_seed, generate, write_scene_with};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -11,7 +12,10 @@ const EXAMPLES: &str = "Examples:
   dataset generate --level insane --count 100 --seed 1 --out data/insane --split
 
 Scenes are called LEVEL_SEED_NUMBER. The same level, seed and number give the same bytes, whatever the count.
---split writes the first 70 % to OUT/train and the rest to OUT/test.";
+--split writes the first 70 % to OUT/train and the rest to OUT/test.
+--wad writes each map as SCENE/SCENE.wad too, as MAP01 with nodes and starts for one to four players. Play it with the
+textures of Freedoom or Doom 2: crispy-doom -iwad freedoom2.wad -file SCENE.wad -warp 1. `dataset convert` turns it back
+into the same mesh.";
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -31,6 +35,9 @@ pub(crate) struct Args {
     /// Write 70 % to OUT/train and 30 % to OUT/test.
     #[arg(long)]
     split: bool,
+    /// Write a playable Doom map beside each mesh.
+    #[arg(long)]
+    wad: bool,
     /// Replace scenes that exist.
     #[arg(long)]
     replace: bool,
@@ -55,7 +62,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let one = |number: u64| -> Result<Generated> {
         let mut generated = generate(args.level, batch_seed(args.seed, number))?;
         generated.scene.name = name_of(number);
-        write_scene(&generated.scene, &parent_of(number), args.replace)?;
+        let mut extra = Vec::new();
+        if args.wad {
+            let (wad, trouble) = playable(&generated)?;
+            extra.push((format!("{}.wad", generated.scene.name), wad));
+            trouble.into_iter().for_each(|trouble| bar.suspend(|| eprintln!("{}: {trouble}", generated.scene.name)));
+        }
+        write_scene_with(&generated.scene, &extra, &parent_of(number), args.replace)?;
         bar.inc(1);
         Ok(generated)
     };
@@ -65,6 +78,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     print_table(&names, &scenes, &COLUMNS);
     eprintln!("{} scenes in {}", scenes.len(), args.out.display());
     Ok(())
+}
+
+/// The map as a WAD; without nodes, and a word why, where the game's limits do not hold them.
+fn playable(generated: &Generated) -> Result<(Vec<u8>, Option<WadError>)> {
+    let map = DoomMap { things: starts(&generated.map, &generated.scene), ..generated.map.clone() };
+    match to_playable(&map, "MAP01") {
+        Err(trouble @ WadError::Nodes { .. }) => Ok((to_bytes(&map, "MAP01")?, Some(trouble))),
+        done => Ok((done?, None)),
+    }
 }
 
 const COLUMNS: [Column<Generated>; 6] = [

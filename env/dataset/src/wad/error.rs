@@ -101,6 +101,16 @@ pub enum WadError {
         /// In words.
         problem: String,
     },
+    /// A map that only newer engines can run.
+    #[error(
+        "map {map} gets no nodes: {problem}; an engine that builds its own nodes runs it all the same (ZDoom and its kin)"
+    )]
+    Nodes {
+        /// Map.
+        map: String,
+        /// In words.
+        problem: String,
+    },
     /// The map asked for does not exist.
     #[error("there is no map {map}; the WAD has {available}")]
     NoSuchMap {

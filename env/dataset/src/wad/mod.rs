@@ -2,12 +2,16 @@
 //!
 //! Everything is bounds-checked. An error names the lump and the byte offset in the file.
 
+mod blocks;
 mod error;
 mod map;
+mod nodes;
+mod starts;
 mod write;
 
 pub use error::WadError;
-pub use write::to_bytes;
+pub use starts::starts;
+pub use write::{to_bytes, to_playable};
 
 use crate::doom_map::DoomMap;
 use map::MapReader;
@@ -149,6 +153,20 @@ mod tests {
         let wad = Wad::parse(bytes).unwrap();
         assert_eq!(wad.maps(), ["MAP01"]);
         assert_eq!(wad.map("map01").unwrap(), DoomMap { name: "MAP01".into(), ..map });
+    }
+
+    #[test]
+    fn a_playable_map_becomes_the_same_scene() {
+        for (level, seed) in [(Level::Simple, 8), (Level::Normal, 9), (Level::Hard, 10), (Level::Insane, 11)] {
+            let made = generate(level, seed).unwrap();
+            let wad = Wad::parse(to_playable(&made.map, "MAP01").unwrap()).unwrap();
+            let mut read = wad.map("MAP01").unwrap();
+            read.name.clone_from(&made.map.name);
+            let scene = convert(&read, ConvertOptions::default()).unwrap();
+            assert_eq!(scene.mesh, made.scene.mesh, "{level}");
+            assert_eq!(scene.settings, made.scene.settings, "{level}");
+            assert_eq!(scene.report, made.scene.report, "{level}");
+        }
     }
 
     #[test]
