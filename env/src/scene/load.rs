@@ -1,9 +1,10 @@
 //! Scenes from disk: a folder of the AiMDoom layout, or an OBJ file.
 
 use super::settings::Settings;
-use super::{Mesh, MeshError, Scene, SceneError};
+use super::{Mesh, Obj, ObjError, Scene, SceneError};
 use crate::pose::CAMERA_HEIGHT;
-use glam::{Vec2, Vec3};
+use glam::Vec2;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -21,22 +22,9 @@ pub enum LoadError {
     /// A folder without a scene.
     #[error("{0} holds no *.obj file: name a scene folder (*.obj + settings.json) or an OBJ file")]
     NoObj(PathBuf),
-    /// Not an OBJ file.
-    #[error("{path} is not a readable OBJ file: {reason}")]
-    Obj {
-        /// The file.
-        path: PathBuf,
-        /// The parser's reason.
-        reason: String,
-    },
-    /// A mesh that cannot be used.
-    #[error("{path}: {source}")]
-    Mesh {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: MeshError,
-    },
+    /// The OBJ file, or one that it names.
+    #[error(transparent)]
+    Obj(#[from] ObjError),
     /// Not the published schema.
     #[error("{path} is not a settings file of the AiMDoom schema: {reason}")]
     Settings {
@@ -55,46 +43,75 @@ pub enum LoadError {
     },
 }
 
+/// What to read of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Also the colours: vertex colours, materials and images. Without, they are not even opened.
+    pub colour: bool,
+}
+
 impl Scene {
-    /// Loads a scene folder (its first `*.obj` and `settings.json` or `setting.json`) or a single OBJ file, with the
-    /// settings beside it where there are any, else with settings that [`infer_settings`] finds.
+    /// Loads the geometry of a scene folder (its first `*.obj` and `settings.json` or `setting.json`) or of a single OBJ
+    /// file, with the settings beside it where there are any, else with settings that [`infer_settings`] finds.
     ///
     /// # Errors
     /// Naming the file and the reason.
     pub fn load(path: &Path) -> Result<Self, LoadError> {
-        let obj = if path.is_dir() { first_obj(path)? } else { path.to_path_buf() };
-        let read = |path: &Path| fs::read(path).map_err(|source| LoadError::Read { path: path.to_path_buf(), source });
-        let (vertices, triangles) = parse_obj(&obj, &read(&obj)?)?;
-        let folder = obj.parent().unwrap_or(Path::new("."));
+        Self::load_with(path, LoadOptions::default())
+    }
+
+    /// The same with options.
+    ///
+    /// # Errors
+    /// As [`Scene::load`], and as [`Obj::read`] where colours are asked for.
+    pub fn load_with(path: &Path, options: LoadOptions) -> Result<Self, LoadError> {
+        let file = if path.is_dir() { first_obj(path)? } else { path.to_path_buf() };
+        let mut obj = Obj::read(&file, options.colour)?;
+        let folder = file.parent().unwrap_or(Path::new("."));
         let beside = ["settings.json", "setting.json"].map(|name| folder.join(name)).into_iter().find(|p| p.is_file());
         let settings = match &beside {
             None => None,
             Some(path) => {
-                let parsed = serde_json::from_slice::<Settings>(&read(path)?);
+                let bytes = fs::read(path).map_err(|source| LoadError::Read { path: path.clone(), source })?;
+                let parsed = serde_json::from_slice::<Settings>(&bytes);
                 Some(parsed.map_err(|e| LoadError::Settings { path: path.clone(), reason: e.to_string() })?)
             }
         };
-        let scale = settings.as_ref().map_or(1.0, |s| s.scene.metres_per_unit);
-        let vertices = vertices.into_iter().map(|v| v * scale).collect();
-        let mesh = Mesh::new(vertices, triangles).map_err(|source| LoadError::Mesh { path: obj.clone(), source })?;
+        let notes = std::mem::take(&mut obj.notes);
+        let mesh = obj.into_mesh(&file, settings.as_ref().map_or(1.0, |s| s.scene.metres_per_unit))?;
         let settings = settings.unwrap_or_else(|| infer_settings(&mesh));
-        Self::new(scene_name(path, &obj), mesh, &settings).map_err(|source| LoadError::Scene { path: obj, source })
+        let scene = Self::new(scene_name(path, &file), mesh, &settings);
+        let mut scene = scene.map_err(|source| LoadError::Scene { path: file, source })?;
+        scene.notes.splice(..0, notes);
+        Ok(scene)
     }
 }
 
-/// Scene folders below `path`, sorted: `path` itself, or every folder under it that holds an OBJ file.
+/// Scene folders below `path`, sorted: `path` itself, or every folder under it that holds an OBJ file. Names that begin
+/// with a dot are left out, and a folder that is reached twice through links is searched once.
 ///
 /// # Errors
 /// When a folder cannot be listed.
 pub fn find_scenes(path: &Path) -> Result<Vec<PathBuf>, LoadError> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) || first_obj(path).is_ok() {
-        return Ok(vec![path.to_path_buf()]);
-    }
     let mut found = Vec::new();
-    for entry in list(path)?.into_iter().filter(|entry| entry.is_dir()) {
-        found.extend(find_scenes(&entry)?);
-    }
+    search(path, &mut BTreeSet::new(), &mut found)?;
     Ok(found)
+}
+
+fn search(path: &Path, visited: &mut BTreeSet<PathBuf>, found: &mut Vec<PathBuf>) -> Result<(), LoadError> {
+    if path.is_file() && is_obj(path) {
+        found.push(path.into());
+        return Ok(());
+    }
+    let entries = list(path)?;
+    if !visited.insert(path.canonicalize().unwrap_or_else(|_| path.into())) {
+        return Ok(());
+    }
+    if entries.iter().any(|entry| is_obj(entry) && entry.is_file()) {
+        found.push(path.into());
+        return Ok(());
+    }
+    entries.iter().filter(|entry| entry.is_dir()).try_for_each(|entry| search(entry, visited, found))
 }
 
 /// Settings for a mesh in metres that comes without any: the floor is the height with the most horizontal area, the
@@ -121,43 +138,22 @@ pub fn infer_settings(mesh: &Mesh) -> Settings {
 /// Resolution of the floor's height, metres.
 const FLOOR_BIN: f32 = 0.05;
 
-fn parse_obj(path: &Path, bytes: &[u8]) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), LoadError> {
-    let refuse = |reason: String| LoadError::Obj { path: path.to_path_buf(), reason };
-    // tobj reads `nan` and `inf` as numbers and does not say where; the line is what a user needs.
-    for (number, line) in bytes.split(|&b| b == b'\n').enumerate().filter(|(_, line)| line.starts_with(b"v ")) {
-        let text = String::from_utf8_lossy(line);
-        let finite = text.split_whitespace().skip(1).take(3).all(|w| w.parse::<f32>().is_ok_and(f32::is_finite));
-        if !finite || text.split_whitespace().count() < 4 {
-            return Err(refuse(format!(
-                "line {}: a vertex needs three finite numbers, found {:?}",
-                number + 1,
-                text.trim()
-            )));
-        }
-    }
-    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
-    let without_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) =
-        tobj::load_obj_buf(&mut &*bytes, &options, without_materials).map_err(|e| refuse(e.to_string()))?;
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for model in models {
-        let base = vertices.len() as u32;
-        vertices.extend(model.mesh.positions.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])));
-        triangles.extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + base, t[1] + base, t[2] + base]));
-    }
-    Ok((vertices, triangles))
-}
-
+/// What a folder holds, sorted, without names that begin with a dot: caches, and what macOS writes beside each file.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, LoadError> {
     let entries = fs::read_dir(folder).and_then(|entries| entries.map(|e| e.map(|e| e.path())).collect());
     let mut paths: Vec<PathBuf> = entries.map_err(|source| LoadError::Read { path: folder.to_path_buf(), source })?;
+    paths.retain(|path| path.file_name().is_some_and(|name| !name.as_encoded_bytes().starts_with(b".")));
     paths.sort();
     Ok(paths)
 }
 
+fn is_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+}
+
 fn first_obj(folder: &Path) -> Result<PathBuf, LoadError> {
-    let is_obj = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
-    list(folder)?.into_iter().find(is_obj).ok_or_else(|| LoadError::NoObj(folder.to_path_buf()))
+    let is_first = |path: &PathBuf| is_obj(path) && path.is_file();
+    list(folder)?.into_iter().find(is_first).ok_or_else(|| LoadError::NoObj(folder.to_path_buf()))
 }
 
 fn scene_name(path: &Path, obj: &Path) -> String {
@@ -167,6 +163,7 @@ fn scene_name(path: &Path, obj: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Paint;
     use super::*;
 
     const ROOM: &str = "v 0 0 0\nv 6 0 0\nv 6 0 6\nv 0 0 6\nv 0 3 0\nv 6 3 0\nv 6 3 6\nv 0 3 6\n\
@@ -211,9 +208,39 @@ mod tests {
         assert!(message(&ROOM.replace("v 6 3 6", "v 6 nan 6")).contains("line 7"), "{}", message("v nan 0 0"));
         assert!(message("v 0 0\n").contains("line 1"));
         assert!(message("hello").contains("no triangle"), "{}", message("hello"));
-        assert!(message("v 0 0 0\nf 1 2 9\n").contains("room.obj"));
+        assert!(message("v 0 0 0\nf 1 2 9\n").contains("room.obj, line 2"));
         let folder = tempfile::tempdir().unwrap();
         assert!(Scene::load(folder.path()).unwrap_err().to_string().contains("no *.obj"));
         assert!(Scene::load(Path::new("/nowhere/at.obj")).unwrap_err().to_string().contains("cannot read"));
+    }
+
+    #[test]
+    fn colours_are_loaded_when_asked_for() {
+        let painted =
+            |line: &str| if line.starts_with('v') { format!("{line} 0 0.2 1\n") } else { format!("{line}\n") };
+        let (_folder, path) = write(&ROOM.lines().map(painted).collect::<String>());
+        let scene = Scene::load_with(&path, LoadOptions { colour: true }).unwrap();
+        let paints = &scene.mesh().appearance().unwrap().paints;
+        assert_eq!((paints.len(), paints[0]), (12, Paint::Corners([[0, 51, 255]; 3])));
+        assert_eq!(Scene::load(&path).unwrap().mesh(), Scene::load(&write(ROOM).1).unwrap().mesh());
+    }
+
+    #[test]
+    fn published_folders_are_found_whatever_their_spelling() {
+        let root = tempfile::tempdir().unwrap();
+        let scenes = ["Test dataset/3", "train/0", "training_dataset/10/deep"];
+        for place in scenes.iter().copied().chain([".cache/0", "empty"]) {
+            fs::create_dir_all(root.path().join(place)).unwrap();
+        }
+        for place in scenes.iter().copied().chain([".cache/0"]) {
+            fs::write(root.path().join(place).join("._a.obj"), "resource fork").unwrap();
+            fs::write(root.path().join(place).join("a.obj"), ROOM).unwrap();
+            fs::write(root.path().join(place).join("b.obj"), "v").unwrap();
+        }
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(root.path(), root.path().join("train/back")).unwrap();
+        let found = find_scenes(root.path()).unwrap();
+        assert_eq!(found, scenes.map(|place| root.path().join(place)));
+        assert!(found.iter().all(|path| Scene::load(path).is_ok()));
     }
 }

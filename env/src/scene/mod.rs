@@ -5,6 +5,9 @@ pub mod graph;
 pub mod image;
 pub mod load;
 pub mod mesh;
+mod mtl;
+pub mod obj;
+pub mod polygon;
 pub mod rays;
 pub mod settings;
 pub mod slice;
@@ -13,8 +16,9 @@ pub mod surface;
 pub use appearance::{Appearance, Image, Paint};
 pub use graph::LatticeGraph;
 pub use image::ImageError;
-pub use load::LoadError;
+pub use load::{LoadError, LoadOptions};
 pub use mesh::{Mesh, MeshError};
+pub use obj::{Obj, ObjError};
 pub use rays::RayIndex;
 pub use settings::Settings;
 
@@ -66,6 +70,7 @@ pub struct Scene {
     bounds: [Vec3; 2],
     lattice: Lattice,
     starts: Vec<LatticePose>,
+    notes: Vec<String>,
     rays: RayIndex,
     raster: RasterIndex,
     graph: LatticeGraph,
@@ -86,9 +91,11 @@ impl Scene {
         if graph.largest_component().is_empty() {
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
         }
-        let starts = start_poses(&name, settings, &lattice)?;
-        let starts =
-            if starts.is_empty() { graph.spread_poses(5, SeedTree::new(0).child("starts", 0)) } else { starts };
+        let mut notes = Vec::new();
+        let mut starts = start_poses(&name, settings, &graph, &mut notes)?;
+        if starts.is_empty() {
+            starts = graph.spread_poses(5, SeedTree::new(0).child("starts", 0));
+        }
         Ok(Self {
             bounds: [scale * Vec3::from(settings.scene.x_min), scale * Vec3::from(settings.scene.x_max)],
             raster: RasterIndex::build(&mesh),
@@ -97,6 +104,7 @@ impl Scene {
             mesh,
             lattice,
             starts,
+            notes,
             rays,
             graph,
         })
@@ -128,7 +136,13 @@ impl Scene {
         &self.lattice
     }
 
-    /// Starts of the evaluation trajectories.
+    /// What a user should hear about how the scene was read, one sentence each; most scenes have nothing to say.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Starts of the evaluation trajectories: those of the settings that are free, or some spread over the largest
+    /// component where the settings name none.
     pub fn starts(&self) -> &[LatticePose] {
         &self.starts
     }
@@ -189,21 +203,40 @@ fn lattice_of(scene: &str, settings: &Settings) -> Result<Lattice, SceneError> {
     })
 }
 
-fn start_poses(scene: &str, settings: &Settings, lattice: &Lattice) -> Result<Vec<LatticePose>, SceneError> {
-    let poses = settings.camera.start_positions.iter().map(|&[i, _, k, _, azimuth]| {
+/// The settings' start positions that are free. Some in a wall are left out with a note, so that the others still serve;
+/// where all are, the settings belong to another mesh.
+fn start_poses(
+    scene: &str,
+    settings: &Settings,
+    graph: &LatticeGraph,
+    notes: &mut Vec<String>,
+) -> Result<Vec<LatticePose>, SceneError> {
+    let refuse = |value: String, want| {
+        Err(SceneError::Settings { scene: scene.into(), field: "camera.start_positions", value, want })
+    };
+    let positions = &settings.camera.start_positions;
+    let (mut free, mut blocked) = (Vec::new(), Vec::new());
+    for &[i, _, k, _, azimuth] in positions {
         let node = Node { i, k };
-        if lattice.contains(node) && (0..HEADINGS as i32).contains(&azimuth) {
-            Ok(LatticePose { node, heading: Heading::new(azimuth as usize) })
-        } else {
-            Err(SceneError::Settings {
-                scene: scene.into(),
-                field: "camera.start_positions",
-                value: format!("{:?}", [i, k, azimuth]),
-                want: "[l, w, h, theta, azimuth] inside the lattice",
-            })
+        if !graph.lattice().contains(node) || !(0..HEADINGS as i32).contains(&azimuth) {
+            return refuse(format!("{:?}", [i, k, azimuth]), "[l, w, h, theta, azimuth] inside the lattice");
         }
-    });
-    poses.collect()
+        match graph.is_free(node) {
+            true => free.push(LatticePose { node, heading: Heading::new(azimuth as usize) }),
+            false => blocked.push([i, k]),
+        }
+    }
+    if free.is_empty() && !positions.is_empty() {
+        return refuse(format!("{blocked:?} (l, h)"), "at least one position that is not in a wall or outside");
+    }
+    if !blocked.is_empty() {
+        notes.push(format!(
+            "scene {scene}: {} of {} start positions are in a wall or outside and left out: {blocked:?} (l, h)",
+            blocked.len(),
+            positions.len()
+        ));
+    }
+    Ok(free)
 }
 
 /// Mesh and settings of [`Scene::two_rooms`].
@@ -267,6 +300,19 @@ mod tests {
         assert!(!scene.graph().is_passable(through_the_wall.0, through_the_wall.1));
         assert!(scene.graph().is_passable(through_the_door.0, through_the_door.1));
         assert_eq!(scene.starts().len(), 5);
+    }
+
+    #[test]
+    fn start_positions_that_are_not_free_are_left_out() {
+        let (mesh, mut settings) = two_rooms();
+        settings.camera.pose_l = 10;
+        settings.camera.start_positions = vec![[9, 0, 0, 2, 0], [1, 0, 2, 2, 5]];
+        let scene = Scene::new("some", mesh.clone(), &settings).unwrap();
+        assert_eq!(scene.starts(), [LatticePose { node: Node { i: 1, k: 2 }, heading: Heading::new(5) }]);
+        assert!(scene.notes()[0].contains("1 of 2 start positions"), "{:?}", scene.notes());
+        settings.camera.start_positions.pop();
+        let error = Scene::new("none", mesh, &settings).unwrap_err().to_string();
+        assert!(error.contains("start_positions is [[9, 0]]"), "{error}");
     }
 
     #[test]
