@@ -120,7 +120,7 @@ fn open(draft: &mut Draft, lattice: &Navigation, distances: &mut Distances, pair
         let is_window = rect.size()[axis] - 2 * CELL <= WINDOW_WALL && rng.random_bool(0.45);
         let (floor, ceiling) =
             if is_window { (rng.random_range(3..=6) * 8, rng.random_range(12..=16) * 8) } else { (0, lintel(rng)) };
-        draft.carve(rect, floor, ceiling);
+        draft.carve(rect, draft.theme.frame(floor, ceiling));
         if is_clear(draft, pair.nodes[0], pair.nodes[1]) {
             distances.connect(pair.numbers[0], pair.numbers[1], length as u16);
             connect_around(draft, lattice, distances, rect);

@@ -1,7 +1,9 @@
 //! Pillars, crates, steps and low clutter.
 
-use super::draft::Draft;
-use super::raster::{Cover, Polygon, Rect, area, bounds};
+use super::draft::{Change, Draft, Space};
+use super::outline::{Polygon, area, bevelled, bounds};
+use super::raster::{Cover, Rect};
+use super::{bars, niche};
 use nbp_env::Rng;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;
@@ -21,14 +23,26 @@ pub(crate) struct DetailStyle {
     pub(crate) at_walls: f64,
     /// Steps, platforms and boxes under the camera.
     pub(crate) low: f64,
+    /// Deep recesses in walls.
+    pub(crate) alcoves: f64,
+    /// Barred windows.
+    pub(crate) bars: f64,
 }
 
 /// Furnishes all rooms.
 pub(crate) fn furnish(draft: &mut Draft, style: &DetailStyle, rng: &mut Rng) {
     for room in 0..draft.site.rooms.len() {
-        let hundreds = area(&draft.site.rooms[room].polygon) / HUNDRED_SQUARE_METRES;
+        let hundreds = area(&draft.room(room).polygon) / HUNDRED_SQUARE_METRES;
         let mut count = |density: f64| (density * hundreds + rng.random::<f64>()).floor() as usize;
         let (low, at_walls, islands) = (count(style.low), count(style.at_walls), count(style.islands));
+        let (alcoves, bars) = (count(style.alcoves), count(style.bars));
+        for _ in 0..alcoves {
+            let space = Space { polygon: draft.room(room).polygon.clone(), air: draft.room(room).air };
+            niche::alcove(draft, &space, rng);
+        }
+        for _ in 0..bars {
+            bars::window(draft, rng);
+        }
         for _ in 0..low {
             low_piece(draft, room, rng);
         }
@@ -43,7 +57,7 @@ pub(crate) fn furnish(draft: &mut Draft, style: &DetailStyle, rng: &mut Rng) {
 
 /// A random place of the room on the raster, for a box of a size.
 fn draw_rect(draft: &Draft, room: usize, size: [i32; 2], rng: &mut Rng) -> Rect {
-    let [low, high] = bounds(&draft.site.rooms[room].polygon);
+    let [low, high] = bounds(&draft.room(room).polygon);
     let low = [0, 1].map(|axis| {
         let slots = ((high[axis] - low[axis] - size[axis]) / 8).max(0);
         (low[axis] / 8 + rng.random_range(0..=slots)) * 8
@@ -66,25 +80,25 @@ fn island(draft: &mut Draft, room: usize, rng: &mut Rng) {
         if !is_clear(draft, rect, AISLE) {
             continue;
         }
-        let air = if is_crate { crate_air(draft, room, rng) } else { None };
         let is_round = !is_crate && side >= 32 && rng.random_bool(0.4);
-        let polygon = if is_round { octagon(rect) } else { rect.polygon() };
-        draft.place(polygon, air);
+        let polygon = if is_round { bevelled(&rect.polygon(), f64::from(side) * 0.29) } else { rect.polygon() };
+        let change = if is_crate { tall_crate(draft, room, rng) } else { Change::Solid(draft.theme.pillar(rng)) };
+        draft.furnish(room, polygon, change);
         return;
     }
 }
 
-/// Air over a crate that stands taller than the camera; solid where the ceiling is too low for one.
-fn crate_air(draft: &Draft, room: usize, rng: &mut Rng) -> Option<(i32, i32)> {
-    let room = &draft.site.rooms[room];
-    let top = room.floor.max(0) + rng.random_range(9..=16) * 8;
-    (top + 16 <= room.ceiling).then_some((top, room.ceiling))
+/// A crate that stands taller than the camera; up to the ceiling where that is low.
+fn tall_crate(draft: &Draft, room: usize, rng: &mut Rng) -> Change {
+    let air = &draft.room(room).air;
+    let top = air.floor.height.max(0) + rng.random_range(9..=16) * 8;
+    Change::Floor(draft.theme.crate_top(if top + 16 <= air.ceiling.height { top } else { air.ceiling.height }, rng))
 }
 
 /// A crate or buttress that touches a wall of the room, or a corner cut off.
 fn wall_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
     for _ in 0..16 {
-        let polygon = &draft.site.rooms[room].polygon;
+        let polygon = &draft.room(room).polygon;
         let at = rng.random_range(0..polygon.len());
         let [before, a, b] = [polygon.len() - 1, 0, 1].map(|step| polygon[(at + step) % polygon.len()]);
         let is_straight = |p: [i32; 2], q: [i32; 2]| p[0] == q[0] || p[1] == q[1];
@@ -97,7 +111,8 @@ fn wall_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
         if rng.random_bool(0.6) && is_straight(before, a) && is_corner(before, a, b) {
             let cut = rng.random_range(6..=20) * 8;
             let corner: Polygon = vec![a, step(a, along, cut), step(a, inward, cut)];
-            if place_at_wall(draft, Rect::spanning(corner[1], corner[2]), corner, None) {
+            let wall = Change::Solid(draft.room(room).air.wall);
+            if place_at_wall(draft, room, Rect::spanning(corner[1], corner[2]), corner, wall) {
                 return;
             }
             continue;
@@ -110,14 +125,15 @@ fn wall_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
         }
         let start = step(a, along, rng.random_range(0..=(length - width) / 8) * 8);
         let rect = Rect::spanning(start, step(step(start, along, width), inward, depth));
-        let air = if rng.random_bool(0.5) { crate_air(draft, room, rng) } else { None };
-        if place_at_wall(draft, rect, rect.polygon(), air) {
+        let change =
+            if rng.random_bool(0.5) { tall_crate(draft, room, rng) } else { Change::Solid(draft.theme.pillar(rng)) };
+        if place_at_wall(draft, room, rect, rect.polygon(), change) {
             return;
         }
     }
 }
 
-fn place_at_wall(draft: &mut Draft, rect: Rect, polygon: Polygon, air: Option<(i32, i32)>) -> bool {
+fn place_at_wall(draft: &mut Draft, room: usize, rect: Rect, polygon: Polygon, change: Change) -> bool {
     let is_far_from_doors = !draft.mouths.iter().any(|mouth| mouth.grown(AISLE).overlaps(rect));
     if !is_far_from_doors || !draft.raster.all(rect, |cover| cover == Cover::Free) {
         return false;
@@ -126,7 +142,7 @@ fn place_at_wall(draft: &mut Draft, rect: Rect, polygon: Polygon, air: Option<(i
     if !draft.raster.all(rect.grown(AISLE), |cover| cover != Cover::Blocked) {
         return false;
     }
-    draft.place(polygon, air);
+    draft.furnish(room, polygon, change);
     true
 }
 
@@ -138,31 +154,18 @@ fn low_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
         if !is_clear(draft, rect, 8) {
             continue;
         }
-        let Some(room) = draft.site.rooms.get(room) else { return };
         let is_box = size[0].max(size[1]) <= 64;
-        let rise =
-            if is_box { rng.random_range(2..=5) * 8 } else { *[-24, -16, -8, 8, 16, 24].choose(rng).unwrap_or(&8) };
+        let floor = draft.room(room).air.floor;
         // Everything stays within reach of the camera plane: modal floor ± 24, boxes up to 56.
-        let floor = if is_box { (room.floor + rise).min(56) } else { (room.floor + rise).clamp(-24, 24) };
-        let ceiling = if is_box { room.ceiling } else { (room.ceiling + rng.random_range(-2..=4) * 8).clamp(96, 384) };
-        draft.place(rect.polygon(), Some((floor, ceiling)));
+        let top = if is_box {
+            draft.theme.crate_top((floor.height + rng.random_range(2..=5) * 8).min(56), rng)
+        } else {
+            let rise = *[-24, -16, -8, 8, 16, 24].choose(rng).unwrap_or(&8);
+            draft.theme.trim((floor.height + rise).clamp(-24, 24), floor.flat)
+        };
+        draft.furnish(room, rect.polygon(), Change::Floor(top));
         return;
     }
-}
-
-fn octagon(rect: Rect) -> Polygon {
-    let ([x0, y0], [x1, y1]) = (rect.low, rect.high);
-    let cut = (x1 - x0) * 29 / 100;
-    vec![
-        [x0 + cut, y0],
-        [x1 - cut, y0],
-        [x1, y0 + cut],
-        [x1, y1 - cut],
-        [x1 - cut, y1],
-        [x0 + cut, y1],
-        [x0, y1 - cut],
-        [x0, y0 + cut],
-    ]
 }
 
 fn is_corner(before: [i32; 2], a: [i32; 2], b: [i32; 2]) -> bool {

@@ -2,6 +2,7 @@
 
 use super::detail::DetailStyle;
 use super::rooms::{RoomStyle, normal};
+use super::trim::TrimStyle;
 use nbp_env::Rng;
 use std::fmt;
 use std::str::FromStr;
@@ -33,29 +34,102 @@ impl Level {
         }
     }
 
+    /// The numbers of the level. Area and complexity are chosen so that the means over many maps come out as published;
+    /// the rest so that walls, clearance and islands are those of Obsidian's maps.
+    fn numbers(self) -> Numbers {
+        match self {
+            Self::Simple => Numbers {
+                area: [628.0, 120.0],
+                complexity: 11.5,
+                site: [58.0, 55.0],
+                depth_first: 0.5,
+                side: 5.2,
+                closets: 0.25,
+                oblique: 0.67,
+                bars: 0.6,
+            },
+            Self::Normal => Numbers {
+                area: [1340.0, 220.0],
+                complexity: 20.0,
+                site: [72.0, 70.0],
+                depth_first: 0.6,
+                side: 6.0,
+                closets: 0.2,
+                oblique: 0.56,
+                bars: 0.6,
+            },
+            Self::Hard => Numbers {
+                area: [3140.0, 400.0],
+                complexity: 30.5,
+                site: [100.0, 94.0],
+                depth_first: 0.8,
+                side: 6.6,
+                closets: 0.2,
+                oblique: 0.69,
+                bars: 0.7,
+            },
+            Self::Insane => Numbers {
+                area: [5450.0, 600.0],
+                complexity: 40.0,
+                site: [132.0, 123.0],
+                depth_first: 0.8,
+                side: 6.8,
+                closets: 0.15,
+                oblique: 0.69,
+                bars: 0.6,
+            },
+        }
+    }
+
     /// Draws what one map is to be.
     pub(crate) fn draw_targets(self, rng: &mut Rng) -> Targets {
-        let (area, deviation, site, complexity, depth_first, side) = match self {
-            Self::Simple => (633.0, 120.0, [48.0, 46.0], 11.0, 0.5, 4.8),
-            Self::Normal => (1348.0, 220.0, [66.0, 65.0], 18.0, 0.6, 5.5),
-            Self::Hard => (3214.0, 400.0, [92.0, 86.0], 36.0, 0.8, 6.0),
-            Self::Insane => (5488.0, 600.0, [125.0, 116.0], 45.0, 0.8, 6.0),
-        };
-        let drawn: f64 = area + deviation * normal(rng).clamp(-2.0, 2.0);
+        let numbers = self.numbers();
+        let [mean, deviation] = numbers.area;
+        let area = mean + deviation * normal(rng).clamp(-2.0, 2.0);
         // Larger maps get larger sites: the fill of the bounding box is what a player sees.
-        let scale = (drawn / area).sqrt();
+        let scale = (area / mean).sqrt();
         // The mean of exp(N(m, s²)) is exp(m + s²/2).
         let log = COMPLEXITY_SPREAD * normal(rng).clamp(-2.0, 2.0) - COMPLEXITY_SPREAD.powi(2) / 2.0;
         Targets {
-            area: drawn,
-            complexity: (complexity * log.exp()).max(LEAST_COMPLEXITY),
-            site: site.map(|side| side * scale),
-            depth_first,
+            area,
+            complexity: (numbers.complexity * log.exp()).max(LEAST_COMPLEXITY),
+            site: numbers.site.map(|side| side * scale),
+            depth_first: numbers.depth_first,
             room_share: 0.88,
-            rooms: RoomStyle { side, spread: 0.4, closets: 0.48, largest: 10, gaps: [0.65, 0.2, 0.1, 0.05] },
-            details: DetailStyle { islands: 1.6, at_walls: 1.0, low: 3.0 },
+            rooms: RoomStyle {
+                side: numbers.side,
+                spread: 0.4,
+                closets: numbers.closets,
+                halls: 0.25,
+                oblique: numbers.oblique,
+                largest: 10,
+                gaps: [0.78, 0.13, 0.06, 0.03],
+                sprawl: 0.5,
+            },
+            trim: TrimStyle { walls: 0.85, ceilings: 1.0, floors: 0.5 },
+            details: DetailStyle { islands: 1.0, at_walls: 1.0, low: 3.0, alcoves: 1.0, bars: numbers.bars },
         }
     }
+}
+
+/// What differs from level to level.
+struct Numbers {
+    /// Floor: mean and standard deviation, m².
+    area: [f64; 2],
+    /// Navigation complexity, mean.
+    complexity: f64,
+    /// Largest extent of a map of the mean area, metres.
+    site: [f64; 2],
+    /// Probability of growing the tree from the newest room.
+    depth_first: f64,
+    /// Median side of rooms, lattice cells.
+    side: f64,
+    /// Share of closets.
+    closets: f64,
+    /// Share of chamfered, octagonal and turned rooms among the others.
+    oblique: f64,
+    /// Barred windows for each 100 m².
+    bars: f64,
 }
 
 /// Standard deviation of the logarithm of the complexity.
@@ -79,6 +153,8 @@ pub(crate) struct Targets {
     pub(crate) room_share: f64,
     /// How rooms are drawn.
     pub(crate) rooms: RoomStyle,
+    /// How rooms are decorated.
+    pub(crate) trim: TrimStyle,
     /// How rooms are furnished.
     pub(crate) details: DetailStyle,
 }

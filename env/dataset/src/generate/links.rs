@@ -16,7 +16,10 @@ const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 const USUAL_CORRIDOR: usize = 5;
 
 /// Share of shared walls that get an arch rather than a door, where there is room for one.
-const ARCH_SHARE: f64 = 0.4;
+const ARCH_SHARE: f64 = 0.8;
+
+/// Arches are wider than doors, map units.
+const NARROWEST_ARCH: i32 = 160;
 
 /// A way from a room to another: lattice cells, the first in the one and the last in the other.
 #[derive(Clone, Debug)]
@@ -139,26 +142,42 @@ fn dig_door(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
     middle[1 - axis] += rng.random_range(-slack..=slack) * 8;
     middle[1 - axis] += shift_to_lattice(middle[1 - axis], width, 1 - axis);
     let Some(rect) = draft.bridge(middle, axis, width, reach_of(draft, a, b)) else { return false };
-    let floor = meeting_floor(draft, a, b, rng);
-    draft.carve(rect, floor, lintel(rng));
+    let floor = meeting_floor(draft, a, b);
+    draft.carve(rect, draft.theme.frame(floor, lintel(rng)));
     true
 }
 
-/// An opening two to four lattice cells wide, as high as a low room.
+/// An opening along most of the wall that two rooms share, as high as a low room.
 fn dig_arch(draft: &mut Draft, a: [i32; 2], b: [i32; 2], axis: usize, rng: &mut Rng) -> bool {
-    let width = rng.random_range(4..=8) * 64;
+    let along = 1 - axis;
+    let owners = [a, b].map(|cell| draft.site.owner(cell));
+    let shared = |steps: i32| {
+        [a, b].map(|mut cell| {
+            cell[along] += steps;
+            draft.site.owner(cell)
+        }) == owners
+    };
+    let run = |sign: i32| (1..).find(|n| !shared(sign * n)).unwrap_or(1);
+    let (low, high) = ((a[along] + 1 - run(-1)) * BLOCK, (a[along] + run(1)) * BLOCK);
     let mut middle = centre(a);
     middle[axis] = a[axis].max(b[axis]) * BLOCK;
-    let Some(rect) = draft.bridge(middle, axis, width, BLOCK) else { return false };
-    let floor = meeting_floor(draft, a, b, rng);
-    draft.carve(rect, floor, rng.random_range(12..=20) * 8);
-    true
+    middle[along] = (low + high) / 2;
+    let mut width = high - low - rng.random_range(2..=8) * 16;
+    while width >= NARROWEST_ARCH {
+        if let Some(rect) = draft.bridge(middle, axis, width, BLOCK) {
+            let floor = meeting_floor(draft, a, b);
+            draft.carve(rect, draft.theme.frame(floor, rng.random_range(12..=20) * 8));
+            return true;
+        }
+        width -= 64;
+    }
+    false
 }
 
 /// A corridor along lattice cells.
 fn dig_corridor(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
     let cells = &way.cells;
-    let width = draw_width(112, rng);
+    let width = *[64, 80, 96, 112, 112, 112].choose(rng).unwrap_or(&96);
     let (Some(&first), Some(&last)) = (cells.first(), cells.last()) else { return false };
     let reach = reach_of(draft, first, last);
     let mut points: Vec<[i32; 2]> = cells.iter().map(|&cell| centre(cell)).collect();
@@ -177,7 +196,7 @@ fn dig_corridor(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
         points[end] = points[inner];
         points[end][axis] += sign * ahead;
     }
-    let floor = meeting_floor(draft, first, last, rng);
+    let floor = meeting_floor(draft, first, last);
     let ceiling = rng.random_range(12..=20) * 8;
     for [a, b] in runs(&points) {
         let axis = usize::from(a[0] == b[0]);
@@ -192,7 +211,7 @@ fn dig_corridor(draft: &mut Draft, way: &Way, rng: &mut Rng) -> bool {
                 rect.high[axis] = rect.high[axis].max(corner.high[axis]);
             }
         }
-        draft.carve(rect, floor, ceiling);
+        draft.carve(rect, draft.theme.corridor(floor, ceiling));
     }
     for &cell in &cells[1..end] {
         draft.site.claim(cell, Owner::Corridor);
@@ -233,20 +252,20 @@ pub(crate) fn lintel(rng: &mut Rng) -> i32 {
     rng.random_range(10..=14) * 8
 }
 
-fn meeting_floor(draft: &Draft, a: [i32; 2], b: [i32; 2], rng: &mut Rng) -> i32 {
+/// Floor of a passage: half-way, so that a player can take both steps (24 map units at most).
+fn meeting_floor(draft: &Draft, a: [i32; 2], b: [i32; 2]) -> i32 {
     let floor = |cell| match draft.site.owner(cell) {
-        Some(Owner::Room(room)) => draft.site.rooms[room].floor,
+        Some(Owner::Room(room)) => draft.room(room).air.floor.height,
         _ => 0,
     };
-    // A floor above a door's modal lintel less a head would be a barrier for the walker; rooms differ by 48 at most.
-    if rng.random() { floor(a) } else { floor(b) }
+    (floor(a) + floor(b)) / 16 * 8
 }
 
 /// How far a passage may reach into the rooms at its ends: half of the larger one.
 fn reach_of(draft: &Draft, a: [i32; 2], b: [i32; 2]) -> i32 {
     let size = |cell| match draft.site.owner(cell) {
         Some(Owner::Room(room)) => {
-            let [low, high] = super::raster::bounds(&draft.site.rooms[room].polygon);
+            let [low, high] = super::outline::bounds(&draft.site.rooms[room].polygon);
             (high[0] - low[0]).max(high[1] - low[1])
         }
         _ => 0,

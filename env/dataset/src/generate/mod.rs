@@ -3,15 +3,20 @@
 //! `rooms → links → detail → complexity → sectors → DoomMap`, and the converter that serves WAD files measures the
 //! result. The same level and seed give the same map, whatever else runs.
 
+mod bars;
 mod complexity;
 mod detail;
 mod draft;
 mod level;
 mod links;
+mod niche;
+mod outline;
 mod raster;
 mod rooms;
 mod sectors;
 mod shape;
+mod theme;
+mod trim;
 
 pub use level::Level;
 
@@ -20,9 +25,10 @@ use crate::doom_map::{DoomMap, LATTICE_UNITS, UNITS_PER_METRE};
 use crate::navigation::Navigation;
 use draft::Draft;
 use level::Targets;
-use nbp_env::SeedTree;
 use nbp_env::scene::{LatticeGraph, RayIndex};
+use nbp_env::{Rng, SeedTree};
 use rooms::{BLOCK, Site};
+use theme::Theme;
 
 /// Drafts of a map before it is given up.
 const MAX_TRIES: u64 = 64;
@@ -92,7 +98,7 @@ pub fn generate(level: Level, seed: u64) -> Result<Generated, GenerateError> {
     for attempt in 0..MAX_TRIES {
         let targets = level.draw_targets(&mut root.child("targets", attempt / TRIES_PER_TARGET).rng());
         let (draft, near_complexity) = draft(&targets, root.child("draft", attempt));
-        match finish(&name, &targets, &draft, near_complexity) {
+        match finish(&name, &targets, draft, near_complexity, &mut root.child("trim", attempt).rng()) {
             Ok(done) => return Ok(Generated { tries: attempt + 1, ..done }),
             Err(reason) => last = reason,
         }
@@ -101,11 +107,18 @@ pub fn generate(level: Level, seed: u64) -> Result<Generated, GenerateError> {
 }
 
 /// Converts a draft and accepts it, or says why not.
-fn finish(name: &str, targets: &Targets, draft: &Draft, near_complexity: f64) -> Result<Generated, String> {
+fn finish(
+    name: &str,
+    targets: &Targets,
+    mut draft: Draft,
+    near_complexity: f64,
+    rng: &mut Rng,
+) -> Result<Generated, String> {
     // The raster's figures are near the exact ones: far drafts are dropped before the triangulation.
     let cell = f64::from(raster::CELL) / UNITS_PER_METRE;
     check(targets, draft.raster.free_cells() as f64 * cell * cell, near_complexity, RASTER_SLACK)?;
-    let map = sectors::to_map(name, &draft.pieces()).map_err(|error| error.to_string())?;
+    trim::decorate(&mut draft, &targets.trim, rng);
+    let map = sectors::to_map(name, &draft).map_err(|error| error.to_string())?;
     let scene = convert(&map, ConvertOptions::default()).map_err(|error| error.to_string())?;
     let graph = LatticeGraph::build(scene.lattice(), &RayIndex::build(&scene.mesh));
     let complexity = Navigation::of(&graph).complexity().ratio;
@@ -130,9 +143,11 @@ fn draft(targets: &Targets, seed: SeedTree) -> (Draft, f64) {
     let blocks = |metres: f64| (metres * UNITS_PER_METRE / f64::from(BLOCK)).round() as i32;
     let mut site = Site::new(targets.site.map(blocks));
     let square_units = targets.area * UNITS_PER_METRE * UNITS_PER_METRE;
-    site.place_rooms(targets.room_share * square_units, &targets.rooms, rng);
-    let mut draft = Draft::new(site);
+    let theme = Theme::draw(rng);
+    site.place_rooms(targets.room_share * square_units, &targets.rooms, theme, rng);
+    let mut draft = Draft::new(site, theme);
     links::connect(&mut draft, targets.depth_first, rng);
+    trim::shape_floors(&mut draft, &targets.trim, rng);
     detail::furnish(&mut draft, &targets.details, rng);
     let near_complexity = complexity::reduce(&mut draft, OVERSHOOT * targets.complexity, rng);
     (draft, near_complexity)

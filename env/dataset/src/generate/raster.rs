@@ -2,11 +2,11 @@
 //!
 //! Axis-aligned geometry keeps to multiples of 8, so the raster is exact there; oblique walls are rounded to cells.
 
+use super::outline::{Polygon, bounds, spans_along};
+use std::ops::Range;
+
 /// Side of a cell, map units.
 pub(crate) const CELL: i32 = 8;
-
-/// Corners, map units, counter-clockwise.
-pub(crate) type Polygon = Vec<[i32; 2]>;
 
 /// What is at a cell at the height of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,19 +52,33 @@ impl Raster {
 
     /// Fills the cells whose middle lies in a polygon.
     pub(crate) fn fill(&mut self, polygon: &[[i32; 2]], cover: Cover) {
-        let [low, high] = bounds(polygon);
-        for row in (low[1] / CELL).max(0)..=(high[1] / CELL).min(self.rows - 1) {
-            let y = (f64::from(row) + 0.5) * f64::from(CELL);
-            let mut crossings: Vec<f64> = edges(polygon).filter_map(|[a, b]| crossing(a, b, y)).collect();
-            crossings.sort_unstable_by(f64::total_cmp);
-            for span in crossings.chunks_exact(2) {
-                let [from, to] = [span[0], span[1]].map(|x| (x / f64::from(CELL) - 0.5).ceil() as i32);
-                for column in from.max(0)..to.min(self.columns) {
-                    let index = (row * self.columns + column) as usize;
+        for (row, columns) in self.spans(polygon) {
+            for column in columns.start.max(0)..columns.end.min(self.columns) {
+                if let Some(index) = self.index(column, row) {
                     self.cells[index] = cover;
                 }
             }
         }
+    }
+
+    /// Whether every cell whose middle lies in a polygon has a cover.
+    pub(crate) fn is_all(&self, polygon: &[[i32; 2]], wanted: Cover) -> bool {
+        let cover = |column, row| self.index(column, row).map_or(Cover::Wall, |index| self.cells[index]);
+        self.spans(polygon).into_iter().all(|(row, mut columns)| columns.all(|column| cover(column, row) == wanted))
+    }
+
+    /// Rows and columns of the cells whose middle lies in a polygon.
+    fn spans(&self, polygon: &[[i32; 2]]) -> Vec<(i32, Range<i32>)> {
+        let [low, high] = bounds(polygon);
+        let mut spans = Vec::new();
+        for row in low[1].div_euclid(CELL)..=high[1].div_euclid(CELL) {
+            let y = (f64::from(row) + 0.5) * f64::from(CELL);
+            for [from, to] in spans_along(polygon, 0, y) {
+                let [from, to] = [from, to].map(|x| (x / f64::from(CELL) - 0.5).ceil() as i32);
+                spans.push((row, from..to));
+            }
+        }
+        spans
     }
 
     /// Whether every cell that a rectangle touches has one of the covers.
@@ -123,36 +137,6 @@ impl Rect {
     }
 }
 
-/// Edges of a polygon.
-pub(crate) fn edges(polygon: &[[i32; 2]]) -> impl Iterator<Item = [[i32; 2]; 2]> + '_ {
-    (0..polygon.len()).map(|n| [polygon[n], polygon[(n + 1) % polygon.len()]])
-}
-
-/// Lower and upper corner of a polygon's box.
-pub(crate) fn bounds(polygon: &[[i32; 2]]) -> [[i32; 2]; 2] {
-    polygon.iter().fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], p| {
-        [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
-    })
-}
-
-/// Whether a point lies inside of a polygon (even-odd).
-pub(crate) fn contains(polygon: &[[i32; 2]], [x, y]: [f64; 2]) -> bool {
-    edges(polygon).filter(|&[a, b]| crossing(a, b, y).is_some_and(|at| at > x)).count() % 2 == 1
-}
-
-/// Area of a polygon, square map units.
-pub(crate) fn area(polygon: &[[i32; 2]]) -> f64 {
-    let twice: i64 =
-        edges(polygon).map(|[a, b]| i64::from(a[0]) * i64::from(b[1]) - i64::from(b[0]) * i64::from(a[1])).sum();
-    twice.abs() as f64 / 2.0
-}
-
-/// Where an edge crosses a horizontal line; the upper end does not count.
-fn crossing(a: [i32; 2], b: [i32; 2], y: f64) -> Option<f64> {
-    let [[ax, ay], [bx, by]] = [a, b].map(|p| p.map(f64::from));
-    ((ay > y) != (by > y)).then(|| ax + (y - ay) / (by - ay) * (bx - ax))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,8 +151,7 @@ mod tests {
         assert!(!raster.all(room.grown(1), |cover| cover == Cover::Free));
         assert_eq!(raster.at(63.9, 40.0), Cover::Wall);
         assert_eq!(raster.at(-5.0, 1e9), Cover::Wall);
-        let triangle = [[0, 0], [256, 0], [0, 256]];
-        assert!(contains(&triangle, [10.0, 10.0]) && !contains(&triangle, [200.0, 200.0]));
-        assert_eq!(area(&triangle), 32_768.0);
+        let beside = Rect { low: [128, 32], high: [136, 160] };
+        assert!(raster.is_all(&room.polygon(), Cover::Free) && raster.is_all(&beside.polygon(), Cover::Wall));
     }
 }

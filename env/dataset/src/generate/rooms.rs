@@ -1,7 +1,8 @@
 //! Rooms on a lattice of 128 map units.
 
-use super::raster::{Polygon, area};
+use super::outline::{Polygon, area};
 use super::shape::Shape;
+use super::theme::{Air, Theme};
 use nbp_env::Rng;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;
@@ -22,10 +23,8 @@ pub(crate) struct Room {
     pub(crate) polygon: Polygon,
     /// Lattice cells that belong to it.
     pub(crate) blocks: Vec<[i32; 2]>,
-    /// Map units.
-    pub(crate) floor: i32,
-    /// Map units.
-    pub(crate) ceiling: i32,
+    /// What is in it.
+    pub(crate) air: Air,
 }
 
 /// Who has a lattice cell.
@@ -58,10 +57,16 @@ pub(crate) struct RoomStyle {
     pub(crate) spread: f64,
     /// Share of closets, one or two lattice cells a side.
     pub(crate) closets: f64,
+    /// Share of long rooms, one or two lattice cells broad, among the others.
+    pub(crate) halls: f64,
+    /// Share of chamfered, octagonal and turned rooms among those that are no closets.
+    pub(crate) oblique: f64,
     /// Largest side, lattice cells.
     pub(crate) largest: i32,
     /// Probabilities of 0, 1, 2, 3 empty lattice cells between a new room and the one it is placed at.
     pub(crate) gaps: [f64; 4],
+    /// Probability that a room is placed at the newest one rather than at any.
+    pub(crate) sprawl: f64,
 }
 
 impl Site {
@@ -84,7 +89,7 @@ impl Site {
     }
 
     /// Places rooms until their floors reach `target` square map units or no place is found any more.
-    pub(crate) fn place_rooms(&mut self, target: f64, style: &RoomStyle, rng: &mut Rng) {
+    pub(crate) fn place_rooms(&mut self, target: f64, style: &RoomStyle, theme: &Theme, rng: &mut Rng) {
         let mut built = 0.0;
         let mut failures = 0;
         while built < target && failures < MAX_SHAPES {
@@ -98,7 +103,7 @@ impl Site {
             match (0..PLACES).find_map(|_| self.free_place(&shape, style, rng)) {
                 Some(at) => {
                     built += floor_area;
-                    self.add_room(&shape, at, rng);
+                    self.add_room(&shape, at, theme, rng);
                 }
                 None => failures += 1,
             }
@@ -112,18 +117,19 @@ impl Site {
         shape.blocks.iter().all(is_free).then_some(at)
     }
 
-    fn add_room(&mut self, shape: &Shape, at: [i32; 2], rng: &mut Rng) {
+    fn add_room(&mut self, shape: &Shape, at: [i32; 2], theme: &Theme, rng: &mut Rng) {
         let blocks: Vec<[i32; 2]> = shape.blocks.iter().map(|b| [b[0] + at[0], b[1] + at[1]]).collect();
         let number = self.rooms.len();
         blocks.iter().for_each(|&b| self.claim(b, Owner::Room(number)));
         let polygon = shape.polygon.iter().map(|p| [p[0] + at[0] * BLOCK, p[1] + at[1] * BLOCK]).collect();
         let (floor, ceiling) = draw_heights(rng);
-        self.rooms.push(Room { polygon, blocks, floor, ceiling });
+        self.rooms.push(Room { polygon, blocks, air: theme.room(floor, ceiling, rng) });
     }
 
     /// A place beside a room that exists, or the middle for the first.
     fn draw_place(&self, size: [i32; 2], style: &RoomStyle, rng: &mut Rng) -> [i32; 2] {
-        let Some(host) = self.rooms.choose(rng) else {
+        let newest = self.rooms.last().filter(|_| rng.random_bool(style.sprawl));
+        let Some(host) = newest.or_else(|| self.rooms.choose(rng)) else {
             return [0, 1].map(|axis| (self.size[axis] - size[axis]) / 2);
         };
         let [mut low, mut high] = [[i32::MAX; 2], [i32::MIN; 2]];

@@ -1,13 +1,16 @@
 //! Outlines of rooms: rectangles, L and T, chamfered, octagons, turned rectangles.
 
-use super::raster::Polygon;
+use super::outline::Polygon;
 use super::rooms::{BLOCK, RoomStyle, draw_index, normal};
 use nbp_env::Rng;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;
 
-/// Weights among rooms that are no closets: rectangle, L or T, chamfered, octagon, turned.
-const OTHER_SHAPES: [f64; 5] = [0.08, 0.36, 0.26, 0.15, 0.15];
+/// Weights of rectangles and L or T among rooms with right angles.
+const STRAIGHT_SHAPES: [f64; 2] = [0.18, 0.82];
+
+/// Weights of chamfered, octagonal and turned rooms among those with oblique walls.
+const OBLIQUE_SHAPES: [f64; 3] = [0.46, 0.27, 0.27];
 
 /// An outline and the lattice cells under it, at the origin.
 pub(crate) struct Shape {
@@ -20,7 +23,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// Over all rooms, closets included: half are rectangles, a fifth L or T, the rest chamfered, octagonal or turned.
+    /// A closet, or a room of one of the shapes above.
     pub(crate) fn draw(style: &RoomStyle, rng: &mut Rng) -> Self {
         // Half of the wall towards a neighbour.
         let inset = *[8, 8, 16, 16, 24].choose(rng).unwrap_or(&8);
@@ -33,11 +36,16 @@ impl Shape {
             drawn.clamp(2, style.largest)
         };
         let size = [side(), side()];
-        match draw_index(&OTHER_SHAPES, rng) {
+        let size = if rng.random_bool(style.halls) { hall(size, rng) } else { size };
+        let shape = match rng.random_bool(style.oblique) {
+            true => STRAIGHT_SHAPES.len() + draw_index(&OBLIQUE_SHAPES, rng),
+            false => draw_index(&STRAIGHT_SHAPES, rng),
+        };
+        match shape {
             1 => Self::corner_room(size.map(|s| s.max(3)), inset, rng),
             2 => {
-                let longest = (size[0].min(size[1]) * BLOCK - 2 * inset) * 2 / 5;
-                let cut = rng.random_range(6..=(longest / 8).max(6)) * 8;
+                let longest = (size[0].min(size[1]) * BLOCK - 2 * inset) * 2 / 5 / 8;
+                let cut = rng.random_range(longest.min(6)..=longest) * 8;
                 Self::whole(size, chamfered(size, inset, cut))
             }
             3 => {
@@ -104,6 +112,15 @@ impl Shape {
         self.polygon.iter_mut().for_each(|p| p.reverse());
         self.polygon.reverse();
     }
+}
+
+/// A long room instead of a broad one.
+fn hall(size: [i32; 2], rng: &mut Rng) -> [i32; 2] {
+    let mut hall = [rng.random_range(1..=2), size[0].max(size[1])];
+    if rng.random() {
+        hall.reverse();
+    }
+    hall
 }
 
 fn block_list(size: [i32; 2], keep: impl Fn([i32; 2]) -> bool) -> Vec<[i32; 2]> {
