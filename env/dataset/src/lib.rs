@@ -24,11 +24,13 @@ pub mod write;
 pub use convert::{ConvertError, ConvertOptions, ConvertReport, SceneBundle, convert};
 pub use doom_map::DoomMap;
 pub use generate::{GenerateError, Generated, Level, generate};
+pub use wad::Textures;
 pub use write::{WriteError, write_mesh, write_scene, write_scene_with};
 
 use nbp_env::scene::SceneError;
 use nbp_env::{Scene, SeedTree};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Why a WAD's map is no scene.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +78,7 @@ pub enum WadSceneError {
 pub fn scene_from_wad(path: &Path, map: Option<&str>) -> Result<Scene, WadSceneError> {
     let path = path.to_path_buf();
     let wad = wad::Wad::open(&path).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
+    let wad = Arc::new(wad);
     let available = wad.maps();
     let map = match (map, available.as_slice()) {
         (Some(map), _) => map,
@@ -85,9 +88,11 @@ pub fn scene_from_wad(path: &Path, map: Option<&str>) -> Result<Scene, WadSceneE
             return Err(WadSceneError::Which { path, count, maps });
         }
     };
+    // Broken textures are no reason to refuse the map: tiles stand in.
+    let textures = wad::Textures::read(std::slice::from_ref(&wad)).unwrap_or_default();
     let mut read = wad.map(map).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
     read.name = scene_name(&path, map, available.len());
-    let bundle = convert(&read, ConvertOptions::default())
+    let bundle = convert(&read, ConvertOptions { textures: textures.as_ref(), ..ConvertOptions::default() })
         .map_err(|source| WadSceneError::Convert { path: path.clone(), source })?;
     to_scene(bundle).map_err(|source| WadSceneError::Scene { path, source })
 }

@@ -39,7 +39,7 @@ fn generate_does_not_depend_on_threads() {
         assert!(String::from_utf8_lossy(&done.stdout).contains("mean ± sd"));
     }
     let written = files(&one);
-    assert_eq!(written.len(), 12);
+    assert_eq!(written.len(), 16, "OBJ, MTL, settings and image of four scenes");
     assert!(written == files(&two));
 }
 

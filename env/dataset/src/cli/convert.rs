@@ -1,8 +1,9 @@
 //! `dataset convert`.
 
-use super::{Column, bar, print_table};
+use super::{Column, bar, open_wads, print_table, tell_problems, textures};
 use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
+use nbp_dataset::wad::textures::{TextureError, Textures};
 use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
 use nbp_env::explain::told_once;
 use rayon::prelude::*;
@@ -12,9 +13,9 @@ use std::sync::Arc;
 
 const EXAMPLES: &str = "Examples:
   dataset convert freedoom2.wad --maps MAP01,MAP07 --out data/freedoom
-  dataset convert maps/ --out data/maps
+  dataset convert maps/ --textures freedoom2.wad --out data/maps
 
-A WAD with one map gives a scene called like the file, others FILE_MAP. A map that cannot be converted is listed with the
+Textures come from the WAD itself and from --textures; tiles are drawn for names that none of them has. A WAD with one map gives a scene called like the file, others FILE_MAP. A map that cannot be converted is listed with the
 reason, and the others go on. Exit code 1 when no map was converted.";
 
 #[derive(clap::Args)]
@@ -29,6 +30,12 @@ pub(crate) struct Args {
     /// Folder for the scenes; made if need be.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// WAD files with textures, the game's own first, for maps that do not bring them.
+    #[arg(long, value_name = "WAD")]
+    textures: Vec<PathBuf>,
+    /// Draw tiles instead of the WAD's own textures.
+    #[arg(long, conflicts_with = "textures")]
+    no_textures: bool,
     /// Convert maps whose sectors contradict each other.
     #[arg(long)]
     force: bool,
@@ -41,6 +48,7 @@ pub(crate) struct Args {
 struct Job {
     path: PathBuf,
     wad: Arc<Wad>,
+    textures: Arc<Option<Textures>>,
     map: String,
     /// Of the scene.
     name: String,
@@ -51,6 +59,8 @@ type Outcome = std::result::Result<SceneBundle, String>;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let files = wad_files(&args.wads)?;
+    let given = open_wads(&args.textures)?;
+    let shared = Arc::new(textures(&given)?);
     let mut jobs: Vec<Job> = Vec::new();
     let mut refused: Vec<String> = Vec::new();
     let mut names = BTreeSet::new();
@@ -62,6 +72,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 continue;
             }
         };
+        let textures = match own_textures(&given, &wad, args.no_textures) {
+            Ok(Some(own)) => Arc::new(Some(own)),
+            Ok(None) => Arc::clone(&shared),
+            Err(error) => {
+                eprintln!("{}: its own textures are left out: {error}", path.display());
+                Arc::clone(&shared)
+            }
+        };
         let available: Vec<String> = wad.maps().iter().map(ToString::to_string).collect();
         let maps = if args.maps.is_empty() { &available } else { &args.maps };
         if maps.is_empty() {
@@ -70,7 +88,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         for map in maps {
             let name = scene_name(path, map, available.len());
             if names.insert(name.clone()) {
-                jobs.push(Job { path: path.clone(), wad: Arc::clone(&wad), map: map.clone(), name });
+                let (wad, textures) = (Arc::clone(&wad), Arc::clone(&textures));
+                jobs.push(Job { path: path.clone(), wad, textures, map: map.clone(), name });
             } else {
                 refused.push(format!(
                     "{}: its scene would be called {name}, like another: rename the file",
@@ -98,6 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
     print_table(&names, &scenes, &COLUMNS);
     eprintln!("{} scenes in {}", scenes.len(), args.out.display());
+    tell_problems(scenes.iter().map(|scene| scene.report.texture_problems.as_slice()));
     for reason in &refused {
         eprintln!("refused: {reason}");
     }
@@ -107,10 +127,18 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// The given textures with those of a WAD on top; `None` where the WAD has nothing to add.
+fn own_textures(given: &[Arc<Wad>], wad: &Arc<Wad>, is_unwanted: bool) -> Result<Option<Textures>, TextureError> {
+    if is_unwanted || !wad.has_textures() {
+        return Ok(None);
+    }
+    Textures::read(&given.iter().chain([wad]).cloned().collect::<Vec<_>>())
+}
+
 fn convert_one(job: &Job, args: &Args) -> Result<SceneBundle> {
     let mut map = job.wad.map(&job.map)?;
     map.name.clone_from(&job.name);
-    let scene = convert(&map, ConvertOptions { force: args.force })?;
+    let scene = convert(&map, ConvertOptions { force: args.force, textures: job.textures.as_ref().as_ref() })?;
     write_scene(&scene, &args.out, args.replace)?;
     Ok(scene)
 }

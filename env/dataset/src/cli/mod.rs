@@ -4,11 +4,14 @@ pub(crate) mod convert;
 pub(crate) mod generate;
 pub(crate) mod stats;
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use nbp_dataset::stats::spread;
+use nbp_dataset::wad::{Textures, Wad};
 use nbp_env::scene::load::find_scenes;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The scenes below a folder, sorted; at least one.
 pub(crate) fn scenes_in(dir: &Path) -> Result<Vec<PathBuf>> {
@@ -28,6 +31,36 @@ pub(crate) fn bar(count: usize, what: &'static str) -> ProgressBar {
     }
     bar.with_message(what)
 }
+
+/// WAD files with textures; later ones override earlier ones.
+pub(crate) fn open_wads(paths: &[PathBuf]) -> Result<Vec<Arc<Wad>>> {
+    let open = |path: &PathBuf| Wad::open(path).map(Arc::new).with_context(|| format!("--textures {}", path.display()));
+    paths.iter().map(open).collect()
+}
+
+/// The textures of WAD files; none where no file is given.
+pub(crate) fn textures(wads: &[Arc<Wad>]) -> Result<Option<Textures>> {
+    let read = Textures::read(wads).context("--textures")?;
+    if read.is_none() && !wads.is_empty() {
+        bail!("--textures: no file has a palette (PLAYPAL): give the game's own WAD first, for example freedoom2.wad");
+    }
+    Ok(read)
+}
+
+/// Tells what was wrong with the textures of some scenes.
+pub(crate) fn tell_problems<'a>(of_scenes: impl Iterator<Item = &'a [String]>) {
+    let mut scenes: BTreeMap<&str, usize> = BTreeMap::new();
+    of_scenes.flatten().for_each(|problem| *scenes.entry(problem).or_default() += 1);
+    for (problem, count) in scenes.iter().take(MAX_PROBLEMS) {
+        eprintln!("{problem}: a drawn tile stands in for it in {count} scenes");
+    }
+    if scenes.len() > MAX_PROBLEMS {
+        eprintln!("… and {} more", scenes.len() - MAX_PROBLEMS);
+    }
+}
+
+/// Problems that are told one by one.
+const MAX_PROBLEMS: usize = 12;
 
 /// One column of a table: a heading, decimals, and the figure of a row.
 pub(crate) struct Column<T> {

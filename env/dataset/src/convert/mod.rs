@@ -1,12 +1,14 @@
 //! A Doom map becomes a scene: a closed mesh in metres and its settings.
 //!
-//! `DoomMap → open → label → solid → Mesh + Settings`. World axes: `x = -x_doom`, `z = y_doom`, `y` is height, so that a
+//! `DoomMap → open → label → solid → paint → Mesh + Settings`. World axes: `x = -x_doom`, `z = y_doom`, `y` is height, so that a
 //! map seen from above with `+z` up and `+x` left looks as it does in a map editor. The modal floor lies at `y = 0`, and
 //! the middle of the scene's plan at `x = z = 0` (rounded to map units).
 
 mod error;
 mod label;
 mod open;
+mod paint;
+mod pattern;
 mod solid;
 
 pub use error::ConvertError;
@@ -14,11 +16,13 @@ pub use label::{Conflict, LabelledPlan, label};
 pub use open::{OpenHeights, open_heights};
 
 use crate::doom_map::{DoomMap, HEIGHT_UNITS_PER_METRE, LATTICE_UNITS, UNITS_PER_METRE};
+use crate::wad::Textures;
 use glam::{Vec2, Vec3};
 use nbp_env::pose::{CAMERA_HEIGHT, Lattice};
 use nbp_env::scene::settings::LATTICE_STEP;
-use nbp_env::scene::{LatticeGraph, Mesh, MeshError, RayIndex, Settings};
+use nbp_env::scene::{Appearance, LatticeGraph, Mesh, MeshError, RayIndex, Settings};
 use nbp_env::seed::SeedTree;
+use paint::{Site, paint};
 use solid::{Air, Faces};
 
 /// Lattice nodes lie at these map units modulo 75. Fractions keep them, and the vertical rays through them, off the edges
@@ -33,9 +37,11 @@ const MAX_CONFLICT: f64 = 1.0;
 
 /// How to convert.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct ConvertOptions {
+pub struct ConvertOptions<'a> {
     /// Convert maps whose sectors contradict each other over more than 1 m².
     pub force: bool,
+    /// Textures that the map names; without them, drawn tiles stand in.
+    pub textures: Option<&'a Textures>,
 }
 
 /// What the conversion found, areas in m² of plan.
@@ -61,6 +67,8 @@ pub struct ConvertReport {
     pub triangles: usize,
     /// Connected lattice positions.
     pub nodes: usize,
+    /// What was wrong with textures; drawn tiles stand in for them.
+    pub texture_problems: Vec<String>,
 }
 
 /// A scene that can be written, or used from memory.
@@ -92,7 +100,7 @@ impl SceneBundle {
 ///
 /// # Errors
 /// When the map has no free space or no room for the camera, or its sectors contradict each other.
-pub fn convert(map: &DoomMap, options: ConvertOptions) -> Result<SceneBundle, ConvertError> {
+pub fn convert(map: &DoomMap, options: ConvertOptions<'_>) -> Result<SceneBundle, ConvertError> {
     let name = || map.name.clone();
     let labelled = label(map).map_err(|source| ConvertError::Triangulate { map: name(), source })?;
     let square_metres = |area: f64| area / (UNITS_PER_METRE * UNITS_PER_METRE);
@@ -113,9 +121,11 @@ pub fn convert(map: &DoomMap, options: ConvertOptions) -> Result<SceneBundle, Co
     let no_space = || ConvertError::NoSpace { map: name(), linedefs: map.linedefs.len(), sectors: map.sectors.len() };
     let kept = solid::keep_largest(&labelled.plan, &air).ok_or_else(no_space)?;
     let faces = solid::faces(&labelled.plan, &kept.air);
+    let site = Site { map, labelled: &labelled, heights: &open.heights, air: &kept.air };
+    let (appearance, texture_problems) = paint(&site, &faces, options.textures);
     let origin = middle(&faces);
-    let mesh =
-        to_world(&faces, origin, kept.modal_floor).map_err(|source| ConvertError::Mesh { map: name(), source })?;
+    let mesh = to_world(&faces, appearance, origin, kept.modal_floor)
+        .map_err(|source| ConvertError::Mesh { map: name(), source })?;
     let report = ConvertReport {
         map_area: square_metres(kept.all_area),
         floor_area: square_metres(kept.area),
@@ -127,6 +137,7 @@ pub fn convert(map: &DoomMap, options: ConvertOptions) -> Result<SceneBundle, Co
         origin,
         triangles: mesh.triangles().len(),
         nodes: 0,
+        texture_problems,
     };
     let settings = settings(&mesh, origin);
     let mut scene = SceneBundle { name: name(), mesh, settings, report };
@@ -145,7 +156,7 @@ fn middle(faces: &Faces) -> [i32; 2] {
     })
 }
 
-fn to_world(faces: &Faces, origin: [i32; 2], floor: i32) -> Result<Mesh, MeshError> {
+fn to_world(faces: &Faces, appearance: Appearance, origin: [i32; 2], floor: i32) -> Result<Mesh, MeshError> {
     let position = |&[x, y, height]: &[f64; 3]| {
         Vec3::new(
             ((f64::from(origin[0]) - x) / UNITS_PER_METRE) as f32,
@@ -153,7 +164,7 @@ fn to_world(faces: &Faces, origin: [i32; 2], floor: i32) -> Result<Mesh, MeshErr
             ((y - f64::from(origin[1])) / UNITS_PER_METRE) as f32,
         )
     };
-    Mesh::new(faces.vertices.iter().map(position).collect(), faces.triangles.clone())
+    Mesh::painted(faces.vertices.iter().map(position).collect(), faces.triangles.clone(), appearance)
 }
 
 /// Settings of the scene without start positions.
@@ -236,6 +247,6 @@ mod tests {
         let refused = convert(&leaking, ConvertOptions::default());
         assert!(matches!(refused, Err(ConvertError::Conflict { .. })), "{refused:?}");
         assert!(refused.unwrap_err().to_string().contains("--force"));
-        assert!(convert(&leaking, ConvertOptions { force: true }).is_ok());
+        assert!(convert(&leaking, ConvertOptions { force: true, ..ConvertOptions::default() }).is_ok());
     }
 }

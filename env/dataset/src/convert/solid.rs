@@ -60,6 +60,27 @@ fn largest_part(plan: &Triangulation, part: &[Option<u32>], count: u32) -> Optio
 pub(crate) struct Faces {
     pub(crate) vertices: Vec<[f64; 3]>,
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// What each triangle is a part of.
+    pub(crate) surfaces: Vec<Surface>,
+}
+
+/// A surface of the air above one triangle of the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Surface {
+    Floor(u32),
+    Ceiling(u32),
+    Wall { triangle: u32, edge: u8, part: Part },
+}
+
+/// Part of a wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// From floor to ceiling, nothing beyond.
+    Whole,
+    /// Up to the floor beyond.
+    Lower,
+    /// Down to the ceiling beyond.
+    Upper,
 }
 
 /// Floors, ceilings and walls of the kept air.
@@ -67,25 +88,36 @@ pub(crate) fn faces(plan: &Triangulation, air: &[Air]) -> Faces {
     let mut faces = Faces::default();
     let columns = Columns::new(plan, air, &mut faces.vertices);
     for (triangle, (floor, ceiling)) in air.iter().enumerate().filter_map(|(t, a)| Some((t, (*a)?))) {
-        let corners = plan.triangles[triangle];
+        let (corners, number) = (plan.triangles[triangle], triangle as u32);
         let [a, b, c] = corners.map(|v| columns.vertex(v, floor));
-        faces.triangles.push([a, b, c]);
+        faces.add(Surface::Floor(number), |triangles| triangles.push([a, b, c]));
         let [a, b, c] = corners.map(|v| columns.vertex(v, ceiling));
-        faces.triangles.push([a, c, b]);
+        faces.add(Surface::Ceiling(number), |triangles| triangles.push([a, c, b]));
         for edge in 0..3 {
             let other = plan.neighbours[triangle][edge].and_then(|n| air[n as usize]);
             let ends = plan.edge(triangle, edge);
+            let mut wall = |part, low, high| {
+                let surface = Surface::Wall { triangle: number, edge: edge as u8, part };
+                faces.add(surface, |triangles| columns.wall(ends, low, high, triangles));
+            };
             // This side's part of the difference; the neighbour adds its own.
             match other {
-                None => columns.wall(ends, floor, ceiling, &mut faces.triangles),
+                None => wall(Part::Whole, floor, ceiling),
                 Some((low, high)) => {
-                    columns.wall(ends, floor, ceiling.min(low), &mut faces.triangles);
-                    columns.wall(ends, floor.max(high), ceiling, &mut faces.triangles);
+                    wall(Part::Lower, floor, ceiling.min(low));
+                    wall(Part::Upper, floor.max(high), ceiling);
                 }
             }
         }
     }
     faces
+}
+
+impl Faces {
+    fn add(&mut self, surface: Surface, push: impl FnOnce(&mut Vec<[u32; 3]>)) {
+        push(&mut self.triangles);
+        self.surfaces.resize(self.triangles.len(), surface);
+    }
 }
 
 /// The heights that meet above each point of the plan, as mesh vertices.

@@ -7,10 +7,12 @@ mod error;
 mod map;
 mod nodes;
 mod starts;
+pub mod textures;
 mod write;
 
 pub use error::WadError;
 pub use starts::starts;
+pub use textures::Textures;
 pub use write::{to_bytes, to_playable};
 
 use crate::doom_map::DoomMap;
@@ -211,7 +213,9 @@ mod tests {
         if let Ok(wad) = Wad::parse(bytes) {
             for name in wad.maps() {
                 // Only that it returns matters here.
-                drop(wad.map(name).map(|map| convert(&map, ConvertOptions { force: true })));
+                drop(
+                    wad.map(name).map(|map| convert(&map, ConvertOptions { force: true, ..ConvertOptions::default() })),
+                );
             }
         }
     }
