@@ -13,6 +13,7 @@ pub mod convert;
 pub mod generate;
 
 pub mod closed;
+pub mod draw;
 pub mod navigation;
 pub mod picture;
 pub mod stats;

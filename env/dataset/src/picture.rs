@@ -1,134 +1,152 @@
-//! A scene from above as an image: floors by height, walls at the camera plane, lattice, start positions.
+//! A scene from above: floors by height or in their colours, walls at the camera plane, lattice, start positions.
 //!
 //! `+z` is up and `+x` left, as in every image of the project; a Doom map looks as it does in a map editor.
 
+use crate::draw::Rgb;
+use crate::stats::is_floor;
 use glam::{Vec2, Vec3};
 use nbp_env::Scene;
+use nbp_env::scene::{Appearance, Paint};
 
-/// An RGB image, rows from the top.
+/// A picture and where it lies in the plan.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// Pixels along a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `3 · width · height` bytes.
-    pub rgb: Vec<u8>,
+    /// The image.
+    pub image: Rgb,
     low: Vec2,
     pixel: f32,
 }
 
-const BACKGROUND: [u8; 3] = [28, 30, 34];
+/// Behind everything.
+pub const BACKGROUND: [u8; 3] = [17, 20, 26];
 const WALL: [u8; 3] = [235, 120, 40];
 const NODE: [u8; 3] = [40, 90, 160];
 const START: [u8; 3] = [200, 30, 30];
 
+/// Pixels around the scene.
+const MARGIN: usize = 4;
+
+/// Pixels are drawn in this many parts a side and averaged.
+const PARTS: usize = 3;
+
 impl Picture {
-    /// Draws a scene with pixels of a size in metres; at most 4096 pixels a side.
+    /// Draws floors and walls with pixels of a size in metres; at most 4096 pixels a side.
     pub fn of(scene: &Scene, pixel: f32) -> Self {
         let [low, high] = scene.mesh().bounds();
         let pixel = pixel.max((high - low).max_element() / 4000.0);
-        let [width, height] = [high.x - low.x, high.z - low.z].map(|side| (side / pixel).ceil() as usize + 8);
-        let low = Vec2::new(low.x, low.z) - 4.0 * pixel;
-        let mut picture = Self { width, height, rgb: BACKGROUND.repeat(width * height), low, pixel };
-        for corners in scene.mesh().iter_corners() {
-            picture.floor(corners);
+        let size = [high.x - low.x, high.z - low.z].map(|side| (side / pixel).ceil() as usize + 2 * MARGIN);
+        let low = Vec2::new(low.x, low.z) - MARGIN as f32 * pixel;
+        let [width, height] = size.map(|side| PARTS * side);
+        let mut fine = Self { image: Rgb::filled(width, height, BACKGROUND), low, pixel: pixel / PARTS as f32 };
+        let appearance = scene.mesh().appearance();
+        for (triangle, corners) in scene.mesh().iter_corners().enumerate() {
+            if !is_floor(scene, corners) {
+                continue;
+            }
+            let paint = appearance.and_then(|a| Some((a, a.paints.get(triangle)?)));
+            fine.floor(corners, |weights, height| match paint {
+                Some((appearance, paint)) => colour(appearance, paint, weights),
+                None => [(150.0 + 45.0 * height).clamp(70.0, 250.0) as u8; 3],
+            });
         }
-        for wall in scene.walls() {
-            picture.line(wall[0], wall[1], WALL);
+        for &[a, b] in scene.walls() {
+            let [a, b] = [a, b].map(|p| fine.at(p));
+            fine.image.line(a, b, 1.5 * PARTS as f32, WALL, 1.0);
         }
+        Self { image: fine.image.shrunk(PARTS), low, pixel }
+    }
+
+    /// Adds lattice positions and starts.
+    #[must_use]
+    pub fn with_positions(mut self, scene: &Scene) -> Self {
         for &node in scene.graph().largest_component() {
-            let p = scene.lattice().position(node);
-            picture.dot(Vec2::new(p.x, p.z), NODE, 0);
+            self.disc(scene.lattice().position(node), 0.7, NODE);
         }
         for start in scene.starts() {
-            let p = scene.lattice().position(start.node);
-            picture.dot(Vec2::new(p.x, p.z), START, 2);
+            self.disc(scene.lattice().position(start.node), 3.0, START);
         }
-        picture
+        self
     }
 
     /// Column and row of a position, perhaps outside.
-    fn at(&self, p: Vec2) -> [i32; 2] {
-        let q = (p - self.low) / self.pixel;
-        [self.width as i32 - 1 - q.x as i32, self.height as i32 - 1 - q.y as i32]
+    fn at(&self, p: Vec2) -> Vec2 {
+        let size = Vec2::new(self.image.width as f32, self.image.height as f32);
+        size - (p - self.low) / self.pixel
     }
 
-    fn set(&mut self, [column, row]: [i32; 2], colour: [u8; 3]) {
-        let inside = (0..self.width as i32).contains(&column) && (0..self.height as i32).contains(&row);
-        if inside {
-            let at = 3 * (row as usize * self.width + column as usize);
-            self.rgb[at..at + 3].copy_from_slice(&colour);
-        }
+    fn disc(&mut self, p: Vec3, radius: f32, colour: [u8; 3]) {
+        self.image.disc(self.at(Vec2::new(p.x, p.z)), radius, colour, 1.0);
     }
 
-    fn floor(&mut self, [a, b, c]: [Vec3; 3]) {
-        let normal = (b - a).cross(c - a);
-        if normal.y <= 0.5 * normal.length() {
-            return;
-        }
-        let shade = (150.0 + 45.0 * a.y).clamp(70.0, 250.0) as u8;
-        let [a, b, c] = [a, b, c].map(|v| Vec2::new(v.x, v.z));
-        let side = |p: Vec2, q: Vec2, at: Vec2| (q - p).perp_dot(at - p);
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let steps = ((high - low) / self.pixel).ceil();
-        for (u, v) in (0..=steps.x as i32).flat_map(|u| (0..=steps.y as i32).map(move |v| (u, v))) {
-            // Middles of pixels, so that neighbouring triangles share none.
-            let middle = (((low - self.low) / self.pixel).floor() + Vec2::new(u as f32, v as f32) + 0.5) * self.pixel;
-            let at = self.low + middle;
-            // Seen from above with x to the left the order is clockwise.
-            if side(a, b, at) <= 0.0 && side(b, c, at) <= 0.0 && side(c, a, at) <= 0.0 {
-                self.set(self.at(at), [shade, shade, shade]);
+    /// Fills a face; `shade` gives the colour by barycentric weights and height.
+    fn floor(&mut self, corners: [Vec3; 3], shade: impl Fn([f32; 3], f32) -> [u8; 3]) {
+        let [a, b, c] = corners.map(|v| self.at(Vec2::new(v.x, v.z)));
+        let area = (b - a).perp_dot(c - a);
+        let (low, high) = (a.min(b).min(c).floor().max(Vec2::ZERO), a.max(b).max(c).ceil());
+        let rows = low.y as usize..(high.y.max(0.0) as usize).min(self.image.height);
+        for row in rows {
+            for column in low.x as usize..(high.x.max(0.0) as usize).min(self.image.width) {
+                // Middles of pixels, so that neighbouring triangles share none.
+                let at = Vec2::new(column as f32, row as f32) + 0.5;
+                let weights = [(b, c), (c, a), (a, b)].map(|(p, q)| (q - p).perp_dot(at - p) / area);
+                if weights.iter().all(|&w| w >= 0.0) {
+                    let height = corners.iter().zip(weights).map(|(corner, w)| corner.y * w).sum();
+                    self.image.set(column, row, shade(weights, height));
+                }
             }
         }
     }
+}
 
-    fn line(&mut self, a: Vec2, b: Vec2, colour: [u8; 3]) {
-        let steps = (a.distance(b) / self.pixel).ceil().max(1.0) as i32;
-        for step in 0..=steps {
-            self.set(self.at(a.lerp(b, step as f32 / steps as f32)), colour);
+/// Colour of a point of a painted triangle.
+fn colour(appearance: &Appearance, paint: &Paint, weights: [f32; 3]) -> [u8; 3] {
+    match paint {
+        Paint::Corners(corners) => [0, 1, 2].map(|channel| {
+            let mixed: f32 = corners.iter().zip(weights).map(|(corner, w)| w * f32::from(corner[channel])).sum();
+            mixed.round() as u8
+        }),
+        Paint::Image { image, corners } => {
+            let uv: Vec2 = corners.iter().zip(weights).map(|(&corner, w)| w * corner).sum();
+            appearance.images.get(*image as usize).map_or([0; 3], |image| {
+                let [column, up] = [(uv.x, image.width), (uv.y, image.height)]
+                    .map(|(share, side)| (share.rem_euclid(1.0) * side as f32) as usize % side.max(1));
+                image.pixels.get((image.height - 1 - up) * image.width + column).copied().unwrap_or_default()
+            })
         }
-    }
-
-    fn dot(&mut self, p: Vec2, colour: [u8; 3], radius: i32) {
-        let [column, row] = self.at(p);
-        for (dx, dy) in (-radius..=radius).flat_map(|dx| (-radius..=radius).map(move |dy| (dx, dy))) {
-            self.set([column + dx, row + dy], colour);
-        }
-    }
-
-    /// The image as a PNG file.
-    ///
-    /// # Errors
-    /// When the encoder refuses.
-    pub fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(&self.rgb)?;
-        writer.finish()?;
-        Ok(bytes)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nbp_env::scene::Image;
 
     #[test]
     fn plus_z_is_up_and_plus_x_is_left() {
-        let picture = Picture::of(&Scene::two_rooms(), 0.1);
+        let scene = Scene::two_rooms();
+        let picture = Picture::of(&scene, 0.1).with_positions(&scene);
         let colour = |x: f32, z: f32| {
-            let [column, row] = picture.at(Vec2::new(x, z)).map(|v| v as usize);
-            let at = 3 * (row * picture.width + column);
-            [picture.rgb[at], picture.rgb[at + 1], picture.rgb[at + 2]]
+            let [column, row] = picture.at(Vec2::new(x, z)).to_array().map(|v| v as usize);
+            let at = 3 * (row * picture.image.width + column);
+            [picture.image.data[at], picture.image.data[at + 1], picture.image.data[at + 2]]
         };
-        assert!(picture.at(Vec2::new(1.0, 8.0))[1] < picture.at(Vec2::new(1.0, 1.0))[1]);
-        assert!(picture.at(Vec2::new(8.0, 1.0))[0] < picture.at(Vec2::new(1.0, 1.0))[0]);
-        assert_eq!(colour(0.0, 4.4), WALL);
-        assert_eq!(colour(0.75, 0.75), NODE);
-        assert!(picture.png().unwrap().starts_with(b"\x89PNG"));
+        assert!(picture.at(Vec2::new(1.0, 8.0)).y < picture.at(Vec2::new(1.0, 1.0)).y);
+        assert!(picture.at(Vec2::new(8.0, 1.0)).x < picture.at(Vec2::new(1.0, 1.0)).x);
+        let [red, green, blue] = colour(0.0, 4.45);
+        assert!(red > 100 && green < red && blue < green, "a wall at the edge: {red} {green} {blue}");
+        assert_eq!(colour(2.0, 3.0), [150; 3], "floor");
+        let [red, _, blue] = colour(0.75, 0.75);
+        assert!(blue > red, "a position");
+    }
+
+    #[test]
+    fn floors_show_their_paint() {
+        let pixels = vec![[1, 0, 0], [2, 0, 0], [3, 0, 0], [4, 0, 0]];
+        let appearance = Appearance { images: vec![Image { width: 2, height: 2, pixels }], paints: Vec::new() };
+        let corners = [Vec2::ZERO, Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0)];
+        let paint = Paint::Image { image: 0, corners };
+        assert_eq!(colour(&appearance, &paint, [1.0, 0.0, 0.0]), [3, 0, 0], "v grows upwards");
+        assert_eq!(colour(&appearance, &paint, [0.1, 0.8, 0.1]), [4, 0, 0]);
+        assert_eq!(colour(&appearance, &Paint::Corners([[90, 0, 0], [0; 3], [0; 3]]), [0.5, 0.5, 0.0]), [45, 0, 0]);
     }
 }

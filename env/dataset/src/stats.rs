@@ -62,7 +62,7 @@ pub struct SceneStats {
 /// Measures all but what can be seen, which takes far longer than the rest.
 pub fn measure(scene: &Scene) -> SceneStats {
     let navigation = Navigation::of(scene.graph());
-    let floor_area: f64 = scene.mesh().iter_corners().filter_map(|corners| floor_of(scene, corners)).sum();
+    let floor_area = floor_area(scene);
     let [low, high] = scene.mesh().bounds();
     let fine = fine_lattice(scene);
     let free: Vec<Vec2> = fine.largest_component().iter().map(|&n| flat(fine.lattice().position(n))).collect();
@@ -105,16 +105,18 @@ fn published_share(area: f64) -> f64 {
     }
 }
 
-/// Area in plan of a face with free space above it: an odd number of surfaces lies under a point just over it. Faces may
-/// be wound either way.
-fn floor_of(scene: &Scene, [a, b, c]: [Vec3; 3]) -> Option<f64> {
+/// Whether a face is a floor: it has free space above it, as an odd number of surfaces lies under a point just over it.
+/// Faces may be wound either way.
+pub(crate) fn is_floor(scene: &Scene, [a, b, c]: [Vec3; 3]) -> bool {
     let normal = (b - a).cross(c - a);
-    if normal.y.abs() < 0.5 * normal.length() {
-        return None;
-    }
     let above = (a + b + c) / 3.0 + OFF_WALL * Vec3::Y;
-    let is_floor = scene.rays().crossings(above, Vec3::NEG_Y).len() % 2 == 1;
-    is_floor.then(|| f64::from(normal.y.abs()) / 2.0)
+    normal.y.abs() >= 0.5 * normal.length() && scene.rays().crossings(above, Vec3::NEG_Y).len() % 2 == 1
+}
+
+/// Area in plan of the faces with free space above them, m².
+pub fn floor_area(scene: &Scene) -> f64 {
+    let floors = scene.mesh().iter_corners().filter(|&corners| is_floor(scene, corners));
+    floors.map(|[a, b, c]| f64::from((b - a).cross(c - a).y.abs()) / 2.0).sum()
 }
 
 fn ratio(a: f64, b: f64) -> f64 {

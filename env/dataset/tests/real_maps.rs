@@ -3,8 +3,11 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests
 
+mod prototype;
+
+use nbp_dataset::closed::Escape;
 use nbp_dataset::wad::Wad;
-use nbp_dataset::{ConvertOptions, SceneBundle, convert, to_scene};
+use nbp_dataset::{ConvertOptions, DoomMap, SceneBundle, convert, to_scene};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,47 +40,75 @@ fn scene(path: &Path, map: &str) -> SceneBundle {
     convert(&map, ConvertOptions::default()).unwrap()
 }
 
-#[test]
-fn obsidian_maps_have_the_prototypes_areas() {
-    let Some(folder) = maps() else { return };
-    let rows = table(&folder.join("obsidian/manifest.csv"));
-    assert_eq!(rows.len(), 80);
-    rows.par_iter().for_each(|row| {
-        let (level, seed) = (&row["level"], &row["seed"]);
-        let scene = scene(&folder.join(format!("obsidian/{level}/{level}_{seed}.wad")), "MAP01");
-        let report = &scene.report;
-        let floor = number(row, "floor_area_m2");
-        assert!((report.map_area - floor).abs() < 0.01 * floor, "{level}_{seed}: {} m², not {floor}", report.map_area);
-        assert_eq!(f64::from(report.modal_floor), number(row, "mode_floor"), "{level}_{seed}");
-        // The prototype kept a margin to walls, so its connected area is some percent smaller.
-        let connected = number(row, "modeplane_comp_m2");
-        let ratio = report.plane_area / connected;
-        assert!((0.98..1.3).contains(&ratio), "{level}_{seed}: {} m² connected, not {connected}", report.plane_area);
-        assert!(report.plane_area > 0.9 * report.floor_area, "{level}_{seed}");
-        assert!(report.conflict_area < 1.0, "{level}_{seed}");
-    });
+/// Of the 80 maps at least so many have each of the prototype's figures.
+const AGREEING: usize = 76;
+
+/// What the manifest says of a map, and what the prototype's measure finds in ours: floor area, connected area, complexity.
+fn figures(row: &BTreeMap<String, String>, map: &DoomMap) -> [[f64; 2]; 3] {
+    let scene = convert(map, ConvertOptions::default()).unwrap();
+    let name = &row["seed"];
+    assert_eq!(f64::from(scene.report.modal_floor), number(row, "mode_floor"), "{name}");
+    assert!(scene.report.plane_area > 0.9 * scene.report.floor_area, "{name}");
+    assert!(scene.report.conflict_area < 1.0, "{name}");
+    let ours = prototype::measure(map, &scene);
+    [
+        [scene.report.map_area, number(row, "floor_area_m2")],
+        [ours.area, number(row, "modeplane_comp_m2")],
+        [ours.complexity, number(row, "modeplane_nc")],
+    ]
+}
+
+/// Boom's generalized floors: we lower them as the game does and the prototype left them up. Hidden rooms lie behind.
+fn is_generalized_floor(special: u16) -> bool {
+    (0x6000..0x8000).contains(&special)
+}
+
+fn differs([ours, theirs]: &[f64; 2]) -> bool {
+    (ours / theirs - 1.0).abs() > 0.03
 }
 
 #[test]
-fn meshes_of_real_maps_are_closed() {
+fn obsidian_maps_have_the_prototypes_figures() {
     let Some(folder) = maps() else { return };
-    for name in ["simple/simple_1004", "hard/hard_3009"] {
-        let bundle = scene(&folder.join(format!("obsidian/{name}.wad")), "MAP01");
-        let scene = to_scene(bundle).unwrap();
-        let (mut rays, mut escaped) = (0, 0);
-        for (n, &node) in scene.graph().largest_component().iter().enumerate() {
-            for k in 0..40 {
-                // Directions spread over the sphere without a random generator.
-                let (turn, height) = (2.399_963 * k as f32 + n as f32, (k as f32 + 0.5) / 20.0 - 1.0);
-                let flat = (1.0 - height * height).sqrt();
-                let direction = glam::Vec3::new(flat * turn.cos(), height, flat * turn.sin());
-                rays += 1;
-                let origin = scene.lattice().position(node);
-                escaped += usize::from(scene.rays().nearest(origin, direction, f32::INFINITY).is_none());
-            }
+    let rows = table(&folder.join("obsidian/manifest.csv"));
+    assert_eq!(rows.len(), 80);
+    let measure = |row: &BTreeMap<String, String>| {
+        let name = format!("{}_{}", row["level"], row["seed"]);
+        let wad = Wad::open(&folder.join(format!("obsidian/{}/{name}.wad", row["level"]))).unwrap();
+        let mut map = wad.map("MAP01").unwrap();
+        let found = figures(row, &map);
+        if found.iter().any(differs) {
+            map.linedefs.iter_mut().filter(|l| is_generalized_floor(l.special)).for_each(|l| l.special = 0);
+            let left_up = figures(row, &map);
+            assert!(!left_up.iter().any(differs), "{name} differs for another reason: {left_up:?}");
         }
-        assert_eq!(escaped, 0, "{name}: of {rays} rays from inside");
+        (name, found)
+    };
+    let measured: Vec<(String, [[f64; 2]; 3])> = rows.par_iter().map(measure).collect();
+    for (figure, what) in ["floor area", "connected area", "navigation complexity"].into_iter().enumerate() {
+        let exceptions: Vec<_> = measured.iter().filter(|(_, found)| differs(&found[figure])).collect();
+        let agreeing = measured.len() - exceptions.len();
+        println!("{what}: {agreeing} of {} agree to 3 %; the others have generalized floors", measured.len());
+        for (name, found) in exceptions {
+            println!("  {name}: {:.1}, not {}", found[figure][0], found[figure][1]);
+        }
+        assert!(agreeing >= AGREEING, "{what}");
     }
+}
+
+#[test]
+fn no_ray_escapes_from_real_maps() {
+    let Some(folder) = maps() else { return };
+    let mut scenes: Vec<SceneBundle> = ["simple/simple_1004", "hard/hard_3009"]
+        .map(|name| scene(&folder.join(format!("obsidian/{name}.wad")), "MAP01"))
+        .into();
+    let freedoom = folder.join("freedoom/freedoom2_maps_textures.wad");
+    scenes.extend(["MAP07", "MAP20"].map(|map| scene(&freedoom, map)));
+    scenes.into_par_iter().for_each(|bundle| {
+        let scene = to_scene(bundle).unwrap();
+        let escape = Escape::of(&scene);
+        assert_eq!((escape.rays, escape.escaped), (64_000, 0), "{}: {escape:?}", scene.name());
+    });
 }
 
 #[test]

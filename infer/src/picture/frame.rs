@@ -1,8 +1,8 @@
 //! What stands around a map: title and figures above, scale bar and legend below, all larger where the map is.
 
-use super::font::text_width;
 use super::{Rgb, colour};
 use glam::Vec2;
+use nbp_dataset::draw::text_width;
 
 const HEAD: f32 = 84.0;
 const FOOT: f32 = 70.0;

@@ -192,7 +192,7 @@ fn draw_ends(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
         image.disc(middle, radius, colour::time(time), 1.0);
         image.ring(middle, radius, 2.2, colour::SEEN);
         let away = if below { radius + 9.0 * unit } else { -radius - 20.0 * unit };
-        image.label(name, middle + Vec2::new(0.0, away), 11.0 * unit, colour::TEXT);
+        image.label(name, middle + Vec2::new(0.0, away), 11.0 * unit, [colour::TEXT, colour::BACKGROUND]);
     }
 }
 

@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let scene = Scene::load(path)?;
         if let Some(folder) = &args.pictures {
             let file = folder.join(format!("{}.png", scene.name()));
-            let png = Picture::of(&scene, PIXEL).png()?;
+            let png = Picture::of(&scene, PIXEL).with_positions(&scene).image.png()?;
             std::fs::write(&file, png).with_context(|| format!("cannot write {}", file.display()))?;
         }
         let visible = if args.quick { None } else { Some(visible_share(&scene)) };

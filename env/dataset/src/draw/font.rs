@@ -83,6 +83,7 @@ fn strokes(character: char) -> &'static str {
         '=' => "03 43,05 45",
         '±' => "02 42,20 24,06 46",
         '·' => "04 04",
+        '²' => "~00 10 21 02 22",
         _ => "00 40 46 06 00",
     }
 }
@@ -116,14 +117,14 @@ fn advance(lines: &[Vec<Vec2>]) -> f32 {
 }
 
 /// Width of a text whose capitals are `size` pixels high.
-pub(super) fn text_width(text: &str, size: f32) -> f32 {
+pub fn text_width(text: &str, size: f32) -> f32 {
     let units: f32 = text.chars().map(|character| advance(&polylines(character))).sum();
     (units - GAP).max(0.0) * size / 6.0
 }
 
 impl Rgb {
     /// Writes a text whose capitals are `size` pixels high, its upper left corner at `at`. Returns its width.
-    pub(super) fn text(&mut self, text: &str, at: Vec2, size: f32, colour: [u8; 3]) -> f32 {
+    pub fn text(&mut self, text: &str, at: Vec2, size: f32, colour: [u8; 3]) -> f32 {
         let unit = size / 6.0;
         let mut pen = 0.0;
         for character in text.chars() {
@@ -139,11 +140,11 @@ impl Rgb {
         (pen - GAP).max(0.0) * unit
     }
 
-    /// The same in the middle of `at.x`, with a dark rim to be read on any ground.
-    pub(super) fn label(&mut self, text: &str, at: Vec2, size: f32, colour: [u8; 3]) {
+    /// The same in the middle of `at.x`, on a block of a ground colour that lets it be read on anything.
+    pub fn label(&mut self, text: &str, at: Vec2, size: f32, [colour, ground]: [[u8; 3]; 2]) {
         let low = at - Vec2::new(text_width(text, size) / 2.0, 0.0);
         let (pad, high) = (Vec2::new(5.0, 4.0), low + Vec2::new(text_width(text, size), size));
-        self.block(low - pad, high + pad, 4.0, super::colour::BACKGROUND, 0.72);
+        self.block(low - pad, high + pad, 4.0, ground, 0.72);
         self.text(text, low, size, colour);
     }
 }
@@ -155,7 +156,7 @@ mod tests {
     #[test]
     fn every_printable_character_of_titles_has_strokes() {
         let unknown = strokes('\u{1}');
-        let known = ('0'..='9').chain('A'..='Z').chain('a'..='z').chain(".,:-+/%()_=±·".chars());
+        let known = ('0'..='9').chain('A'..='Z').chain('a'..='z').chain(".,:-+/%()_=±·²".chars());
         for character in known {
             assert_ne!(strokes(character), unknown, "{character}");
             for point in polylines(character).iter().flatten() {

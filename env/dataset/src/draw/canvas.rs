@@ -11,7 +11,7 @@ fn clip(low: f32, high: f32, size: usize) -> std::ops::Range<usize> {
 
 impl Rgb {
     /// Mixes a share of a colour into a pixel.
-    pub(super) fn blend(&mut self, x: usize, y: usize, colour: [u8; 3], share: f32) {
+    pub fn blend(&mut self, x: usize, y: usize, colour: [u8; 3], share: f32) {
         let at = (y * self.width + x) * 3;
         for (old, new) in self.data[at..at + 3].iter_mut().zip(colour) {
             *old = (f32::from(*old) + (f32::from(new) - f32::from(*old)) * share).round() as u8;
@@ -31,7 +31,7 @@ impl Rgb {
     }
 
     /// A stroke with round ends, `width` pixels wide.
-    pub(super) fn line(&mut self, a: Vec2, b: Vec2, width: f32, colour: [u8; 3], alpha: f32) {
+    pub fn line(&mut self, a: Vec2, b: Vec2, width: f32, colour: [u8; 3], alpha: f32) {
         let radius = width / 2.0;
         let along = b - a;
         self.fill(a.min(b) - radius, a.max(b) + radius, colour, alpha, |p| {
@@ -41,19 +41,19 @@ impl Rgb {
     }
 
     /// A disc.
-    pub(super) fn disc(&mut self, middle: Vec2, radius: f32, colour: [u8; 3], alpha: f32) {
+    pub fn disc(&mut self, middle: Vec2, radius: f32, colour: [u8; 3], alpha: f32) {
         self.fill(middle - radius, middle + radius, colour, alpha, |p| p.distance(middle) - radius);
     }
 
     /// A circle's outline.
-    pub(super) fn ring(&mut self, middle: Vec2, radius: f32, width: f32, colour: [u8; 3]) {
+    pub fn ring(&mut self, middle: Vec2, radius: f32, width: f32, colour: [u8; 3]) {
         let reach = radius + width / 2.0;
         let distance = |p: Vec2| (p.distance(middle) - radius).abs() - width / 2.0;
         self.fill(middle - reach, middle + reach, colour, 1.0, distance);
     }
 
     /// A triangle, corners in either order.
-    pub(super) fn triangle(&mut self, corners: [Vec2; 3], colour: [u8; 3], alpha: f32) {
+    pub fn triangle(&mut self, corners: [Vec2; 3], colour: [u8; 3], alpha: f32) {
         let [a, b, c] = corners;
         let turn = (b - a).perp_dot(c - a).signum();
         let edge = |p: Vec2, from: Vec2, to: Vec2| -turn * (to - from).normalize_or_zero().perp_dot(p - from);
@@ -62,7 +62,7 @@ impl Rgb {
     }
 
     /// A rectangle with rounded corners.
-    pub(super) fn block(&mut self, low: Vec2, high: Vec2, radius: f32, colour: [u8; 3], alpha: f32) {
+    pub fn block(&mut self, low: Vec2, high: Vec2, radius: f32, colour: [u8; 3], alpha: f32) {
         let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0 - radius);
         self.fill(low, high, colour, alpha, |p| {
             let outside = (p - middle).abs() - half;
