@@ -1,19 +1,17 @@
 //! The true lattice graph of a scene: which nodes are free, which moves hit nothing. Computed once per scene.
 
 use crate::pose::{Direction, Heading, Lattice, LatticePose, Node};
+use crate::scene::Interior;
 use crate::scene::rays::RayIndex;
 use crate::seed::SeedTree;
-use glam::Vec3;
 use rand::seq::SliceRandom;
 use std::collections::VecDeque;
-
-/// A floor farther below the camera than this is not a floor to stand on, metres.
-const MAX_DROP: f32 = 12.0;
 
 /// Free nodes and passable moves, symmetric.
 #[derive(Debug, Clone)]
 pub struct LatticeGraph {
     lattice: Lattice,
+    interior: Interior,
     free: Vec<bool>,
     /// Bit `d` is set when the move `Direction::ALL[d]` is possible.
     moves: Vec<u8>,
@@ -21,14 +19,18 @@ pub struct LatticeGraph {
 }
 
 impl LatticeGraph {
+    /// The graph in a closed mesh.
+    pub fn build(lattice: Lattice, rays: &RayIndex) -> Self {
+        Self::inside(Interior::Closed, lattice, rays)
+    }
+
     /// Tests every node and move of the lattice against the mesh.
     ///
-    /// A node is free when an odd number of surfaces lies below it: inside a closed or open-topped building there is one
-    /// floor below, inside a wall or outside there is none (or a ceiling and its floor). A move is possible between free
-    /// nodes when its segment hits nothing (paper, section 5.1; the agent is a point).
-    pub fn build(lattice: Lattice, rays: &RayIndex) -> Self {
+    /// A node is free when it lies inside. A move is possible between free nodes when its segment hits nothing (paper,
+    /// section 5.1; the agent is a point).
+    pub fn inside(interior: Interior, lattice: Lattice, rays: &RayIndex) -> Self {
         let nodes: Vec<Node> = (0..lattice.len()).map(|index| lattice.node(index)).collect();
-        let free: Vec<bool> = nodes.iter().map(|&node| is_inside(rays, lattice.position(node))).collect();
+        let free: Vec<bool> = nodes.iter().map(|&node| interior.contains(rays, lattice.position(node))).collect();
         let is_free = |node| lattice.index(node).is_some_and(|index| free[index]);
         let mut moves = vec![0_u8; nodes.len()];
         for (index, &node) in nodes.iter().enumerate().filter(|&(index, _)| free[index]) {
@@ -43,7 +45,7 @@ impl LatticeGraph {
                 }
             }
         }
-        let mut graph = Self { lattice, free, moves, largest: Vec::new() };
+        let mut graph = Self { lattice, interior, free, moves, largest: Vec::new() };
         graph.largest = graph.find_largest_component();
         graph
     }
@@ -51,6 +53,11 @@ impl LatticeGraph {
     /// The lattice.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
+    }
+
+    /// What counts as inside.
+    pub fn interior(&self) -> Interior {
+        self.interior
     }
 
     /// Whether the camera can be at a node.
@@ -123,9 +130,4 @@ impl LatticeGraph {
         largest.sort_unstable();
         largest
     }
-}
-
-fn is_inside(rays: &RayIndex, position: Vec3) -> bool {
-    let below = rays.crossings(position, Vec3::NEG_Y);
-    below.len() % 2 == 1 && below[0] <= MAX_DROP
 }

@@ -3,6 +3,7 @@
 pub mod appearance;
 pub mod graph;
 pub mod image;
+pub mod interior;
 pub mod load;
 pub mod mesh;
 mod mtl;
@@ -16,6 +17,7 @@ pub mod surface;
 pub use appearance::{Appearance, Image, Paint};
 pub use graph::LatticeGraph;
 pub use image::ImageError;
+pub use interior::Interior;
 pub use load::{LoadError, LoadOptions};
 pub use mesh::{Mesh, MeshError};
 pub use obj::{Obj, ObjError};
@@ -87,7 +89,8 @@ impl Scene {
         let lattice = lattice_of(&name, settings)?;
         let scale = settings.scene.metres_per_unit;
         let rays = RayIndex::build(&mesh);
-        let graph = LatticeGraph::build(lattice, &rays);
+        let interior = if settings.scene.open { Interior::Open } else { Interior::Closed };
+        let graph = LatticeGraph::inside(interior, lattice, &rays);
         if graph.largest_component().is_empty() {
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
         }

@@ -44,6 +44,10 @@ pub struct SceneSettings {
     /// Metres in an OBJ unit; absent in published files.
     #[serde(default = "published_metres_per_unit")]
     pub metres_per_unit: f32,
+    /// The mesh is a scan: single sheets, holes, open ends (see [`Interior::Open`](super::Interior)). Absent in published
+    /// files, and where it is false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub open: bool,
 }
 
 /// The `camera` object.
@@ -97,6 +101,7 @@ impl Settings {
                 x_min: low.to_array(),
                 x_max: high.to_array(),
                 metres_per_unit: 1.0,
+                open: false,
             },
             camera: CameraSettings {
                 x_min: origin.to_array(),
