@@ -1,6 +1,7 @@
 //! Whether a scene is closed: rays from inside that meet nothing.
 
 use glam::Vec3;
+use nbp_env::scene::Interior;
 use nbp_env::{Scene, SeedTree};
 use rand::RngExt as _;
 use std::f32::consts::TAU;
@@ -50,13 +51,16 @@ impl Escape {
     }
 }
 
-/// `count` points uniform in the space inside a scene: an odd number of surfaces lies below them, as for the positions of
-/// the lattice. Fewer where there is hardly any such space.
+/// `count` points uniform in the space inside a scene: an odd number of surfaces lies below them, or in a scan, a floor and
+/// walls around. Fewer where there is hardly any such space.
 pub fn inside_points(scene: &Scene, count: usize, seed: SeedTree) -> Vec<Vec3> {
     let [low, high] = scene.mesh().bounds();
     let mut rng = seed.rng();
     let mut draw = || low + (high - low) * Vec3::new(rng.random(), rng.random(), rng.random());
-    let is_inside = |p: &Vec3| scene.rays().crossings(*p, Vec3::NEG_Y).len() % 2 == 1;
+    let is_inside = |p: &Vec3| match scene.graph().interior() {
+        Interior::Closed => scene.rays().crossings(*p, Vec3::NEG_Y).len() % 2 == 1,
+        open => open.contains(scene.rays(), *p),
+    };
     (0..TRIES * count).map(|_| draw()).filter(is_inside).take(count).collect()
 }
 

@@ -12,6 +12,8 @@ pub mod convert;
 
 pub mod generate;
 
+pub mod import;
+
 pub mod closed;
 pub mod draw;
 pub mod navigation;

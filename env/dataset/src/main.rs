@@ -24,6 +24,8 @@ enum Command {
     Generate(cli::generate::Args),
     /// Turn the maps of WAD files into scenes.
     Convert(cli::convert::Args),
+    /// Turn your own scans into scenes: OBJ, PLY, glTF, GLB.
+    Import(cli::import::Args),
     /// Measure scenes: areas, navigation complexity, walls.
     Stats(cli::stats::Args),
 }
@@ -31,6 +33,7 @@ enum Command {
 const EXAMPLES: &str = "Examples:
   dataset generate --level simple --count 100 --seed 1 --out data/simple --split
   dataset convert doom2.wad --maps MAP01,MAP07 --out data/doom2
+  dataset import flat.glb --out data/scans
   dataset stats data/simple";
 
 fn main() -> ExitCode {
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
     let done = match args.command {
         Command::Generate(args) => cli::generate::run(&args),
         Command::Convert(args) => cli::convert::run(&args),
+        Command::Import(args) => cli::import::run(&args),
         Command::Stats(args) => cli::stats::run(&args),
     };
     match done {

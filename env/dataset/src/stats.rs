@@ -5,8 +5,8 @@
 use crate::closed::Escape;
 use crate::navigation::Navigation;
 use glam::{Vec2, Vec3};
-use nbp_env::pose::Lattice;
-use nbp_env::scene::LatticeGraph;
+use nbp_env::pose::{CAMERA_HEIGHT, Lattice};
+use nbp_env::scene::{Interior, LatticeGraph};
 use nbp_env::{Node, Scene, SeedTree};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -19,6 +19,9 @@ const CLEARANCE_SAMPLES: usize = 4000;
 
 /// Faces are looked at from this far.
 const OFF_WALL: f32 = 0.01;
+
+/// The floor of a scan lies within this of its usual height, metres; tables do not.
+const FLOOR_RELIEF: f32 = 0.5;
 
 /// The figures of one scene. Names are the keys of the JSON that `dataset stats --json` writes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -105,12 +108,21 @@ fn published_share(area: f64) -> f64 {
     }
 }
 
-/// Whether a face is a floor: it has free space above it, as an odd number of surfaces lies under a point just over it.
-/// Faces may be wound either way.
+/// Whether a face is a floor with free space above it: a point just over it is inside, or in a scan, where that says little,
+/// it is near the height of the floor and a camera over it is inside. Faces may be wound either way.
 pub(crate) fn is_floor(scene: &Scene, [a, b, c]: [Vec3; 3]) -> bool {
     let normal = (b - a).cross(c - a);
+    if normal.y.abs() < 0.5 * normal.length() {
+        return false;
+    }
     let above = (a + b + c) / 3.0 + OFF_WALL * Vec3::Y;
-    normal.y.abs() >= 0.5 * normal.length() && scene.rays().crossings(above, Vec3::NEG_Y).len() % 2 == 1
+    match scene.graph().interior() {
+        Interior::Closed => scene.rays().crossings(above, Vec3::NEG_Y).len() % 2 == 1,
+        Interior::Open => {
+            let eye = above + CAMERA_HEIGHT * Vec3::Y;
+            (eye.y - scene.lattice().origin.y).abs() < FLOOR_RELIEF && Interior::Open.contains(scene.rays(), eye)
+        }
+    }
 }
 
 /// Area in plan of the faces with free space above them, m².
@@ -136,7 +148,7 @@ fn fine_lattice(scene: &Scene) -> LatticeGraph {
     let first = |at: f32, low: f32| at - ((at - low) / FINE - 0.5).floor() * FINE - 0.5 * FINE;
     let origin = Vec3::new(first(coarse.x, low.x), coarse.y, first(coarse.z, low.z));
     let size = [(high.x - origin.x) / FINE, (high.z - origin.z) / FINE].map(|n| n.max(0.0) as i32 + 1);
-    LatticeGraph::build(Lattice { origin, spacing: FINE, size }, scene.rays())
+    LatticeGraph::inside(scene.graph().interior(), Lattice { origin, spacing: FINE, size }, scene.rays())
 }
 
 /// Walls at the camera plane that a free place within reach sees, so that walls of closed-off pockets do not count.

@@ -125,3 +125,37 @@ fn generated_maps_pass_through_a_wad() {
     assert_eq!(scene.mesh(), &made.scene.mesh);
     assert!(scene_from_wad(&path, Some("E1M1")).unwrap_err().to_string().contains("E1M1"));
 }
+
+#[test]
+fn scans_become_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    // A room of 6 x 6 x 3 m in centimetres, z up.
+    let room = "v 0 0 0\nv 600 0 0\nv 600 600 0\nv 0 600 0\nv 0 0 300\nv 600 0 300\nv 600 600 300\nv 0 600 300\n\
+        f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+    std::fs::write(path("my room.obj"), room).unwrap();
+    std::fs::write(path("broken.ply"), "ply\n").unwrap();
+    let out = path("out");
+    let args = ["import", &path("my room.obj"), &path("broken.ply"), "--out", &out];
+    let done = dataset(&args);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let told = String::from_utf8_lossy(&done.stdout).into_owned();
+    for want in
+        ["up        z, guessed", "unit      0.01 m, guessed: rooms are 3.00 m", "my-room: ", "16 connected", "closed"]
+    {
+        assert!(told.contains(want), "{want}: {told}");
+    }
+    assert!(stderr(&done).contains("refused") && stderr(&done).contains("broken.ply"), "{}", stderr(&done));
+    let scene = nbp_env::Scene::load(&Path::new(&out).join("my-room")).unwrap();
+    assert_eq!((scene.graph().largest_component().len(), scene.mesh().bounds()[1].y), (16, 3.0));
+    let record = std::fs::read(Path::new(&out).join("my-room/import.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!(
+        (record["assumed"]["up"]["value"].as_str(), record["storey"]["open"].as_bool()),
+        (Some("z"), Some(false))
+    );
+    let again = dataset(&args);
+    assert!(again.status.code() == Some(1) && stderr(&again).contains("--replace"), "{}", stderr(&again));
+    let zero = dataset(&["import", &path("my room.obj"), "--scale", "0", "--out", &out]);
+    assert!(zero.status.code() == Some(2) && stderr(&zero).contains("positive"), "{}", stderr(&zero));
+}

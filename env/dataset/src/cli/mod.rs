@@ -2,6 +2,7 @@
 
 pub(crate) mod convert;
 pub(crate) mod generate;
+pub(crate) mod import;
 pub(crate) mod stats;
 
 use anyhow::{Context as _, Result, bail};

@@ -1,0 +1,183 @@
+//! glTF 2.0 and GLB files: the node tree with its transforms, triangles of every kind, base colours and their textures.
+
+mod accessor;
+mod colour;
+mod schema;
+
+use super::scan::{FacePaint, MAX_TRIANGLES, Scan};
+use super::{Beside, Format, ImportError};
+use accessor::Buffers;
+use colour::Palette;
+use glam::{Affine3A, Mat4, Quat, Vec3};
+use schema::{Node, Primitive, Root};
+
+/// Triangles that any file may expand to; instances make more of them than the file has bytes.
+const FREE_TRIANGLES: u64 = 1_000_000;
+
+/// Extensions without which the geometry is still right; see [`colour`] for what becomes of the colours.
+const HARMLESS: [&str; 3] = ["KHR_texture_", "KHR_materials_", "EXT_texture_"];
+
+fn refuse(place: impl Into<String>, reason: impl ToString) -> ImportError {
+    ImportError::syntax(Format::Gltf, place, reason)
+}
+
+pub(super) fn read(bytes: &[u8], beside: &Beside<'_>) -> Result<Scan, ImportError> {
+    let (json, binary) = schema::chunks(bytes)?;
+    let root: Root = serde_json::from_slice(json).map_err(|e| refuse("JSON", e))?;
+    if !root.asset.version.starts_with("2.") {
+        return Err(refuse("asset.version", format!("{:?} is not 2.0: export it as glTF 2.0", root.asset.version)));
+    }
+    let is_harmless =
+        |name: &str| HARMLESS.iter().any(|prefix| name.starts_with(prefix)) || name == "KHR_mesh_quantization";
+    if let Some(name) = root.extensions_required.iter().find(|name| !is_harmless(name)) {
+        return Err(ImportError::Unsupported {
+            what: format!("the glTF extension {name} is required"),
+            advice: "export the file without compression or extensions, for example with Blender or gltf-transform",
+        });
+    }
+    let buffers = Buffers::fetch(&root, binary, beside)?;
+    let mut reader = Reader {
+        palette: Palette::new(&root, &buffers, beside),
+        root: &root,
+        buffers: &buffers,
+        scan: Scan::default(),
+        limit: (FREE_TRIANGLES + bytes.len() as u64).min(MAX_TRIANGLES),
+        skipped: 0,
+    };
+    for (node, transform) in placed_nodes(&root)? {
+        reader.add_mesh(node, transform)?;
+    }
+    let Reader { mut scan, palette, skipped, .. } = reader;
+    if skipped > 0 {
+        scan.notes.push(format!("{skipped} primitives of points or lines were left out"));
+    }
+    palette.finish(&mut scan);
+    Ok(scan)
+}
+
+/// Nodes with a mesh, and where they are.
+fn placed_nodes(root: &Root) -> Result<Vec<(usize, Affine3A)>, ImportError> {
+    let is_child = {
+        let mut is_child = vec![false; root.nodes.len()];
+        let children = root.nodes.iter().flat_map(|node| &node.children);
+        children.for_each(|&child| is_child.get_mut(child).into_iter().for_each(|flag| *flag = true));
+        is_child
+    };
+    let tops = match root.scenes.get(root.scene.unwrap_or(0)) {
+        Some(scene) => scene.nodes.clone(),
+        None => (0..root.nodes.len()).filter(|&node| !is_child[node]).collect(),
+    };
+    let mut stack: Vec<(usize, Affine3A)> = tops.into_iter().rev().map(|node| (node, Affine3A::IDENTITY)).collect();
+    let mut visited = vec![false; root.nodes.len()];
+    let mut placed = Vec::new();
+    while let Some((number, above)) = stack.pop() {
+        let Some(node) = root.nodes.get(number) else {
+            return Err(refuse(format!("node {number}"), format!("there are only {}", root.nodes.len())));
+        };
+        if std::mem::replace(&mut visited[number], true) {
+            return Err(refuse(format!("node {number}"), "it is reached twice: nodes must form a tree"));
+        }
+        let transform = above * local_transform(node);
+        if node.mesh.is_some() {
+            placed.push((number, transform));
+        }
+        stack.extend(node.children.iter().rev().map(|&child| (child, transform)));
+    }
+    Ok(placed)
+}
+
+fn local_transform(node: &Node) -> Affine3A {
+    match &node.matrix {
+        Some(matrix) => Affine3A::from_mat4(Mat4::from_cols_array(matrix)),
+        None => Affine3A::from_scale_rotation_translation(
+            node.scale.map_or(Vec3::ONE, Vec3::from),
+            node.rotation.map_or(Quat::IDENTITY, |r| Quat::from_array(r).normalize()),
+            node.translation.map_or(Vec3::ZERO, Vec3::from),
+        ),
+    }
+}
+
+struct Reader<'a> {
+    root: &'a Root,
+    buffers: &'a Buffers<'a>,
+    palette: Palette<'a>,
+    scan: Scan,
+    limit: u64,
+    skipped: usize,
+}
+
+impl Reader<'_> {
+    fn add_mesh(&mut self, node: usize, transform: Affine3A) -> Result<(), ImportError> {
+        let number = self.root.nodes[node].mesh.unwrap_or(usize::MAX);
+        let Some(mesh) = self.root.meshes.get(number) else {
+            return Err(refuse(format!("node {node}"), format!("its mesh {number} does not exist")));
+        };
+        for (part, primitive) in mesh.primitives.iter().enumerate() {
+            match (primitive.mode, primitive.attributes.get("POSITION")) {
+                (4..=6, Some(&positions)) => {
+                    self.add_primitive(primitive, positions, transform).map_err(|e| match e {
+                        ImportError::Syntax { format, place, reason } => ImportError::Syntax {
+                            format,
+                            place: format!("mesh {number}, primitive {part}, {place}"),
+                            reason,
+                        },
+                        other => other,
+                    })?
+                }
+                _ => self.skipped += 1,
+            }
+        }
+        Ok(())
+    }
+
+    fn add_primitive(
+        &mut self,
+        primitive: &Primitive,
+        positions: usize,
+        transform: Affine3A,
+    ) -> Result<(), ImportError> {
+        let positions = self.buffers.floats::<3>(positions)?;
+        let indices = match primitive.indices {
+            Some(indices) => self.buffers.indices(indices)?,
+            None => (0..positions.len() as u32).collect(),
+        };
+        let faces = (if primitive.mode == 4 { indices.len() / 3 } else { indices.len() }) as u64;
+        let have = (self.scan.triangles.len() as u64).max(self.scan.vertices.len() as u64 / 3);
+        if have + faces.max(positions.len() as u64 / 3) > self.limit {
+            let what = format!("a node tree that expands to {} triangles", have + faces);
+            return Err(ImportError::TooLarge { what, limit: self.limit });
+        }
+        let paint = self.palette.paint(primitive, positions.len())?;
+        let base = self.scan.vertices.len() as u32;
+        self.scan.vertices.extend(positions.iter().map(|&p| transform.transform_point3(p.into())));
+        let flips = transform.matrix3.determinant() < 0.0;
+        for (face, corners) in triangles(primitive.mode, &indices).enumerate() {
+            let [a, b, c] = corners;
+            let corners = if flips { [a, c, b] } else { [a, b, c] };
+            if let Some(&vertex) = corners.iter().find(|&&corner| corner as usize >= positions.len()) {
+                return Err(ImportError::Index { face, vertex, count: positions.len() });
+            }
+            let based = corners.map(|corner| corner + base);
+            let uv = paint.uv.as_ref().map(|uv| corners.map(|c| uv[c as usize]));
+            match (paint.image, uv) {
+                (Some(image), Some(uv)) => self.scan.add_face(face, &based, &FacePaint::Image(image, &uv))?,
+                _ => {
+                    let colours = corners.map(|c| paint.colours.get(c as usize).copied().unwrap_or(paint.flat));
+                    self.scan.add_face(face, &based, &FacePaint::Colours(&colours))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Triangles of a list, a strip or a fan, all wound alike.
+fn triangles(mode: u32, indices: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    let count = if mode == 4 { indices.len() / 3 } else { indices.len().saturating_sub(2) };
+    (0..count).map(move |n| match mode {
+        4 => [indices[3 * n], indices[3 * n + 1], indices[3 * n + 2]],
+        5 if n % 2 == 0 => [indices[n], indices[n + 1], indices[n + 2]],
+        5 => [indices[n + 1], indices[n], indices[n + 2]],
+        _ => [indices[0], indices[n + 1], indices[n + 2]],
+    })
+}
