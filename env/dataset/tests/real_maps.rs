@@ -6,11 +6,13 @@
 mod prototype;
 
 use nbp_dataset::closed::Escape;
-use nbp_dataset::wad::Wad;
-use nbp_dataset::{ConvertOptions, DoomMap, SceneBundle, convert, to_scene};
+use nbp_dataset::doom_map::Name;
+use nbp_dataset::wad::{Textures, Wad};
+use nbp_dataset::{ConvertOptions, DoomMap, Level, SceneBundle, convert, generate, to_scene};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The folder with maps, or a word on why the test is skipped.
 fn maps() -> Option<PathBuf> {
@@ -125,4 +127,21 @@ fn freedoom_maps_convert() {
         let floor = number(row, "floor_area_m2");
         assert!((scene.report.map_area - floor).abs() < 0.01 * floor, "{row:?}: {} m²", scene.report.map_area);
     });
+}
+
+#[test]
+fn generated_maps_name_textures_that_freedoom_has() {
+    let Some(folder) = maps() else { return };
+    let wad = Wad::open(&folder.join("freedoom/freedoom2_maps_textures.wad")).unwrap();
+    let textures = Textures::read(&[Arc::new(wad)]).unwrap().unwrap();
+    let (mut walls, mut flats) = (BTreeSet::new(), BTreeSet::new());
+    for seed in 0..24 {
+        let map = generate(Level::Simple, seed).unwrap().map;
+        walls.extend(map.sidedefs.iter().flat_map(|side| [side.upper, side.lower, side.middle]));
+        flats.extend(map.sectors.iter().flat_map(|sector| [sector.floor_flat, sector.ceiling_flat]));
+    }
+    walls.remove(&Name::NONE);
+    assert!(walls.len() > 30 && flats.len() > 30, "three themes: {walls:?} {flats:?}");
+    walls.iter().for_each(|&name| assert!(textures.wall(name).is_ok(), "{name}"));
+    flats.iter().for_each(|&name| assert!(textures.flat(name).is_ok(), "{name}"));
 }

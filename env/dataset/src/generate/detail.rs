@@ -1,9 +1,9 @@
-//! Pillars, crates, steps and low clutter.
+//! What stands in the rooms and in their walls: pillars, crates, buttresses, alcoves.
 
 use super::draft::{Change, Draft, Space};
 use super::outline::{Polygon, area, bevelled, bounds};
 use super::raster::{Cover, Rect};
-use super::{bars, niche};
+use super::{bars, low, niche};
 use nbp_env::Rng;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;
@@ -43,9 +43,7 @@ pub(crate) fn furnish(draft: &mut Draft, style: &DetailStyle, rng: &mut Rng) {
         for _ in 0..bars {
             bars::window(draft, rng);
         }
-        for _ in 0..low {
-            low_piece(draft, room, rng);
-        }
+        low::furnish(draft, room, low, rng);
         for _ in 0..at_walls {
             wall_piece(draft, room, rng);
         }
@@ -56,7 +54,7 @@ pub(crate) fn furnish(draft: &mut Draft, style: &DetailStyle, rng: &mut Rng) {
 }
 
 /// A random place of the room on the raster, for a box of a size.
-fn draw_rect(draft: &Draft, room: usize, size: [i32; 2], rng: &mut Rng) -> Rect {
+pub(crate) fn draw_rect(draft: &Draft, room: usize, size: [i32; 2], rng: &mut Rng) -> Rect {
     let [low, high] = bounds(&draft.room(room).polygon);
     let low = [0, 1].map(|axis| {
         let slots = ((high[axis] - low[axis] - size[axis]) / 8).max(0);
@@ -65,7 +63,8 @@ fn draw_rect(draft: &Draft, room: usize, size: [i32; 2], rng: &mut Rng) -> Rect 
     Rect { low, high: [low[0] + size[0], low[1] + size[1]] }
 }
 
-fn is_clear(draft: &Draft, rect: Rect, aisle: i32) -> bool {
+/// Whether a place is free, with an aisle around it and no door before it.
+pub(crate) fn is_clear(draft: &Draft, rect: Rect, aisle: i32) -> bool {
     draft.raster.all(rect.grown(aisle), |cover| cover == Cover::Free)
         && !draft.mouths.iter().any(|mouth| mouth.grown(AISLE).overlaps(rect))
 }
@@ -144,28 +143,6 @@ fn place_at_wall(draft: &mut Draft, room: usize, rect: Rect, polygon: Polygon, c
     }
     draft.furnish(room, polygon, change);
     true
-}
-
-/// A step, platform or box under the camera.
-fn low_piece(draft: &mut Draft, room: usize, rng: &mut Rng) {
-    for _ in 0..8 {
-        let size = [0, 1].map(|_| rng.random_range(3..=20) * 8);
-        let rect = draw_rect(draft, room, size, rng);
-        if !is_clear(draft, rect, 8) {
-            continue;
-        }
-        let is_box = size[0].max(size[1]) <= 64;
-        let floor = draft.room(room).air.floor;
-        // Everything stays within reach of the camera plane: modal floor ± 24, boxes up to 56.
-        let top = if is_box {
-            draft.theme.crate_top((floor.height + rng.random_range(2..=5) * 8).min(56), rng)
-        } else {
-            let rise = *[-24, -16, -8, 8, 16, 24].choose(rng).unwrap_or(&8);
-            draft.theme.trim((floor.height + rise).clamp(-24, 24), floor.flat)
-        };
-        draft.furnish(room, rect.polygon(), Change::Floor(top));
-        return;
-    }
 }
 
 fn is_corner(before: [i32; 2], a: [i32; 2], b: [i32; 2]) -> bool {

@@ -39,44 +39,48 @@ impl Level {
     fn numbers(self) -> Numbers {
         match self {
             Self::Simple => Numbers {
-                area: [628.0, 120.0],
-                complexity: 11.5,
-                site: [58.0, 55.0],
+                area: [593.0, 120.0],
+                complexity: 11.8,
+                site: [61.0, 58.0],
                 depth_first: 0.5,
                 side: 5.2,
                 closets: 0.25,
                 oblique: 0.67,
-                bars: 0.6,
+                bars: 0.65,
+                walls: 0.9,
             },
             Self::Normal => Numbers {
-                area: [1340.0, 220.0],
-                complexity: 20.0,
+                area: [1315.0, 220.0],
+                complexity: 18.6,
                 site: [72.0, 70.0],
                 depth_first: 0.6,
-                side: 6.0,
+                side: 6.2,
                 closets: 0.2,
                 oblique: 0.56,
-                bars: 0.6,
+                bars: 0.65,
+                walls: 0.87,
             },
             Self::Hard => Numbers {
-                area: [3140.0, 400.0],
-                complexity: 30.5,
+                area: [3200.0, 400.0],
+                complexity: 35.3,
                 site: [100.0, 94.0],
                 depth_first: 0.8,
                 side: 6.6,
                 closets: 0.2,
                 oblique: 0.69,
-                bars: 0.7,
+                bars: 0.9,
+                walls: 0.8,
             },
             Self::Insane => Numbers {
-                area: [5450.0, 600.0],
-                complexity: 40.0,
+                area: [5420.0, 600.0],
+                complexity: 48.0,
                 site: [132.0, 123.0],
                 depth_first: 0.8,
-                side: 6.8,
+                side: 7.0,
                 closets: 0.15,
-                oblique: 0.69,
-                bars: 0.6,
+                oblique: 0.63,
+                bars: 0.65,
+                walls: 0.72,
             },
         }
     }
@@ -106,8 +110,8 @@ impl Level {
                 gaps: [0.78, 0.13, 0.06, 0.03],
                 sprawl: 0.5,
             },
-            trim: TrimStyle { walls: 0.85, ceilings: 1.0, floors: 0.5 },
-            details: DetailStyle { islands: 1.0, at_walls: 1.0, low: 3.0, alcoves: 1.0, bars: numbers.bars },
+            trim: TrimStyle { walls: numbers.walls, ceilings: 1.0, floors: 0.5 },
+            details: DetailStyle { islands: 1.0, at_walls: 1.0, low: 2.5, alcoves: 1.0, bars: numbers.bars },
         }
     }
 }
@@ -130,6 +134,8 @@ struct Numbers {
     oblique: f64,
     /// Barred windows for each 100 m².
     bars: f64,
+    /// Share of the walls with recesses.
+    walls: f64,
 }
 
 /// Standard deviation of the logarithm of the complexity.

@@ -1,6 +1,6 @@
 //! Maps without Doom: rooms, corridors, doors, windows, pillars, in Doom's own structure.
 //!
-//! `rooms → links → detail → complexity → sectors → DoomMap`, and the converter that serves WAD files measures the
+//! `rooms → links → detail → complexity → trim → sectors → DoomMap`, and the converter that serves WAD files measures the
 //! result. The same level and seed give the same map, whatever else runs.
 
 mod bars;
@@ -9,6 +9,7 @@ mod detail;
 mod draft;
 mod level;
 mod links;
+mod low;
 mod niche;
 mod outline;
 mod raster;
@@ -167,10 +168,12 @@ fn check(targets: &Targets, area: f64, complexity: f64, slack: f64) -> Result<()
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::doom_map::{Name, SideDef};
     use crate::to_scene;
     use crate::write::Model;
     use glam::Vec3;
     use rand::RngExt as _;
+    use rayon::prelude::*;
     use std::collections::BTreeMap;
 
     #[test]
@@ -205,6 +208,41 @@ mod tests {
     }
 
     #[test]
+    fn means_are_the_published_ones() {
+        let made: Vec<Generated> =
+            (0..40_u64).into_par_iter().map(|seed| generate(Level::Simple, 500 + seed).unwrap()).collect();
+        let mean = |of: fn(&Generated) -> f64| made.iter().map(of).sum::<f64>() / made.len() as f64;
+        let (area, complexity) = (mean(|m| m.scene.report.floor_area), mean(|m| m.complexity));
+        assert!((area / 633.0 - 1.0).abs() < 0.06, "{area} m²");
+        assert!((complexity / 11.31 - 1.0).abs() < 0.15, "{complexity}");
+        let density = mean(|m| m.scene.report.triangles as f64 / m.scene.report.floor_area);
+        assert!((9.0..18.0).contains(&density), "as much detail as Obsidian's maps have: {density} triangles/m²");
+    }
+
+    #[test]
+    fn every_wall_that_is_seen_has_a_texture() {
+        let map = generate(Level::Simple, 3).unwrap().map;
+        for line in &map.linedefs {
+            let sides = [line.front, line.back].map(|side| side.map(|side| map.sidedefs[side as usize]));
+            let sector = |side: &SideDef| map.sectors[side.sector as usize];
+            match sides {
+                [Some(front), None] => assert_ne!(front.middle, Name::NONE),
+                [Some(front), Some(back)] => {
+                    for (here, there) in [(front, back), (back, front)] {
+                        let (low, high) = (sector(&here), sector(&there));
+                        assert_eq!(high.floor > low.floor, here.lower != Name::NONE);
+                        assert_eq!(high.ceiling < low.ceiling, here.upper != Name::NONE);
+                        assert_eq!(here.middle, Name::NONE);
+                    }
+                }
+                _ => panic!("a line without a front: {line:?}"),
+            }
+        }
+        let lights: std::collections::BTreeSet<u16> = map.sectors.iter().map(|sector| sector.light).collect();
+        assert!(lights.len() > 3, "{lights:?}");
+    }
+
+    #[test]
     fn meshes_are_closed_and_face_the_free_space() {
         for seed in 0..4 {
             let scene = generate(Level::Normal, seed).unwrap().scene;
@@ -218,7 +256,7 @@ mod tests {
             let scene = to_scene(scene).unwrap();
             let mut rng = SeedTree::new(seed).rng();
             for &node in scene.graph().largest_component() {
-                for _ in 0..50 {
+                for _ in 0..12 {
                     let direction = [(); 3].map(|()| rng.random_range(-1.0..1.0_f32));
                     let (origin, direction) = (scene.lattice().position(node), Vec3::from(direction));
                     let hit = scene.rays().nearest(origin, direction, f32::INFINITY);

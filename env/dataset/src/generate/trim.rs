@@ -12,8 +12,11 @@ use rand::seq::IndexedRandom as _;
 /// Ceilings do not come lower than this, map units: the camera is at 68.75.
 const LOWEST_CEILING: i32 = 88;
 
-/// Rooms below this side are left alone, map units.
-const SMALL: i32 = 160;
+/// Doors are shorter than this and corridors are not broader, map units.
+const SHORT: i32 = 64;
+
+/// Passages end this far inside of the spaces they join, map units.
+const OVERLAP: i32 = 8;
 
 /// How much is decorated.
 #[derive(Clone, Copy, Debug)]
@@ -48,9 +51,12 @@ pub(crate) fn decorate(draft: &mut Draft, style: &TrimStyle, rng: &mut Rng) {
     for number in 0..draft.passages.len() {
         let space = draft.passages[number].clone();
         let [low, high] = bounds(&space.polygon);
-        if (high[0] - low[0]).max(high[1] - low[1]) >= SMALL {
+        let rect = Rect { low, high };
+        if rect.size()[0].min(rect.size()[1]) < SHORT {
+            threshold(draft, number, rect);
+        } else {
             decorate_walls(draft, &space, style.walls, rng);
-            ribs(draft, number, Rect { low, high }, rng);
+            ribs(draft, number, rect, rng);
         }
     }
 }
@@ -192,6 +198,20 @@ fn floor(draft: &mut Draft, room: usize, rng: &mut Rng) {
         let outline = bevelled(&bevelled(&outline, cut), cut / 3.0);
         draft.decorate(Host::Room(room), outline, Change::Floor(surface));
     }
+}
+
+/// A lintel and a sill in the middle of a door in a thick wall.
+fn threshold(draft: &mut Draft, passage: usize, rect: Rect) {
+    let axis = usize::from(rect.size()[1] < rect.size()[0]);
+    let mut strip = rect;
+    strip.low[axis] += OVERLAP + 8;
+    strip.high[axis] -= OVERLAP + 8;
+    let air = draft.passages[passage].air;
+    if strip.size()[axis] < 8 || air.ceiling.height - 8 < LOWEST_CEILING {
+        return;
+    }
+    let lintel = draft.theme.trim(air.ceiling.height - 8, air.ceiling.flat);
+    draft.decorate(Host::Passage(passage), strip.polygon(), Change::Ceiling(lintel, -16));
 }
 
 /// Ribs and lamps under the ceiling of a corridor.
