@@ -1,6 +1,7 @@
 //! Doom maps as scenes: read from WAD files or generated, converted to closed meshes, written and measured.
 //!
-//! Data flows one way: `wad | generate → DoomMap → convert → SceneBundle → write`, and `stats` measures what was written.
+//! Data flows one way: `wad | generate → DoomMap → convert → SceneBundle → write`, and `stats`, `check` and `preview` look
+//! at what was written.
 
 pub mod doom_map;
 pub mod wad;
@@ -14,10 +15,13 @@ pub mod generate;
 
 pub mod import;
 
+pub mod check;
 pub mod closed;
 pub mod draw;
 pub mod navigation;
 pub mod picture;
+pub mod preview;
+pub mod split;
 pub mod stats;
 pub mod visible;
 

@@ -28,6 +28,12 @@ enum Command {
     Import(cli::import::Args),
     /// Measure scenes: areas, navigation complexity, walls.
     Stats(cli::stats::Args),
+    /// Say what is wrong with a set of scenes.
+    Check(cli::check::Args),
+    /// Part a set into scenes to train on and scenes to test on.
+    Split(cli::split::Args),
+    /// Draw all scenes of a set on one sheet.
+    Preview(cli::preview::Args),
 }
 
 const EXAMPLES: &str = "Examples:
@@ -47,6 +53,9 @@ fn main() -> ExitCode {
         Command::Convert(args) => cli::convert::run(&args),
         Command::Import(args) => cli::import::run(&args),
         Command::Stats(args) => cli::stats::run(&args),
+        Command::Check(args) => cli::check::run(&args),
+        Command::Split(args) => cli::split::run(&args),
+        Command::Preview(args) => cli::preview::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

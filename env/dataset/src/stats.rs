@@ -131,6 +131,11 @@ pub fn floor_area(scene: &Scene) -> f64 {
     floors.map(|[a, b, c]| f64::from((b - a).cross(c - a).y.abs()) / 2.0).sum()
 }
 
+/// Largest area that is connected in the camera plane, m².
+pub fn connected_area(scene: &Scene) -> f64 {
+    fine_lattice(scene).largest_component().len() as f64 * f64::from(FINE * FINE)
+}
+
 fn ratio(a: f64, b: f64) -> f64 {
     // Empty sums of floats are -0.
     if b > 0.0 { a / b + 0.0 } else { 0.0 }

@@ -1,6 +1,6 @@
 //! Scene folders in the published layout: `<scene>/<scene>.obj`, `.mtl`, `settings.json`, `new_texture.png`.
 //!
-//! Lengths are metres and `y` is up; `scene.metres_per_unit` is 1. A folder appears complete or not at all: it is written
+//! Lengths are in the unit of the settings, metres if not asked otherwise, and `y` is up. A folder appears complete or not at all: it is written
 //! under a temporary name and renamed.
 
 use crate::atlas::bake;
@@ -139,9 +139,9 @@ fn write_folder(
 }
 
 fn write_files(name: &str, mesh: &Mesh, settings: &Settings, folder: &Path) -> Result<u32, WriteError> {
+    let model = Model::of(name, mesh, settings.scene.metres_per_unit)?;
     let settings =
         serde_json::to_string_pretty(settings).map_err(|source| WriteError::Json { scene: name.into(), source })?;
-    let model = Model::of(name, mesh)?;
     if let Some(png) = &model.png {
         write_file(&folder.join(TEXTURE), png)?;
     }
@@ -184,27 +184,30 @@ pub struct Model {
 }
 
 impl Model {
-    /// The model of a mesh in metres.
+    /// The model of a mesh in metres, with a unit of so many metres.
     ///
     /// # Errors
     /// When an image of 8192 × 8192 texels cannot hold all colours of the mesh.
-    pub fn of(name: &str, mesh: &Mesh) -> Result<Self, WriteError> {
+    pub fn of(name: &str, mesh: &Mesh, metres_per_unit: f32) -> Result<Self, WriteError> {
         let mut obj = String::with_capacity(40 * mesh.vertices().len() + 48 * mesh.triangles().len());
-        obj.push_str("# metres, y up, normals towards the free space\n");
+        let unit = if metres_per_unit == 1.0 { "metres".into() } else { format!("units of {metres_per_unit} m") };
         // Writing to a string cannot fail.
-        let _ = writeln!(obj, "mtllib {name}.mtl\no {name}\nusemtl {MATERIAL}");
+        let _ = writeln!(
+            obj,
+            "# {unit}, y up, normals towards the free space\nmtllib {name}.mtl\no {name}\nusemtl {MATERIAL}"
+        );
         let grey = |obj: String| Self { obj, mtl: mtl([0.7; 3], ""), png: None, halvings: 0 };
         let Some(appearance) = mesh.appearance() else {
-            mesh.vertices().iter().for_each(|v| push_vertex(&mut obj, v, ""));
+            mesh.vertices().iter().for_each(|v| push_vertex(&mut obj, *v / metres_per_unit, ""));
             mesh.triangles().iter().for_each(|t| push_face(&mut obj, t.map(|v| v + 1), None));
             return Ok(grey(obj));
         };
         if appearance.paints.iter().all(|paint| matches!(paint, Paint::Corners(_))) {
-            push_coloured(&mut obj, mesh, appearance);
+            push_coloured(&mut obj, mesh, appearance, metres_per_unit);
             return Ok(Self { mtl: mtl([1.0; 3], ""), ..grey(obj) });
         }
         let baked = bake(mesh, appearance).ok_or_else(|| WriteError::Sheet(name.into()))?;
-        baked.vertices.iter().for_each(|v| push_vertex(&mut obj, v, ""));
+        baked.vertices.iter().for_each(|v| push_vertex(&mut obj, *v / metres_per_unit, ""));
         let mut numbers = HashMap::new();
         let uvs: Vec<[u32; 3]> = baked
             .uvs
@@ -232,7 +235,7 @@ fn mtl([r, g, b]: [f32; 3], map: &str) -> String {
     format!("newmtl {MATERIAL}\nKa 0 0 0\nKd {r} {g} {b}\nKs 0 0 0\nillum 1\n{map}")
 }
 
-fn push_vertex(obj: &mut String, v: &Vec3, colour: &str) {
+fn push_vertex(obj: &mut String, v: Vec3, colour: &str) {
     // Adding zero turns -0 into 0.
     let _ = writeln!(obj, "v {} {} {}{colour}", v.x + 0.0, v.y + 0.0, v.z + 0.0);
 }
@@ -245,7 +248,7 @@ fn push_face(obj: &mut String, [a, b, c]: [u32; 3], uv: Option<[u32; 3]>) {
 }
 
 /// A vertex for every colour that its triangles have there.
-fn push_coloured(obj: &mut String, mesh: &Mesh, appearance: &Appearance) {
+fn push_coloured(obj: &mut String, mesh: &Mesh, appearance: &Appearance, metres_per_unit: f32) {
     let mut numbers = HashMap::new();
     let mut faces = Vec::with_capacity(mesh.triangles().len());
     for (triangle, paint) in mesh.triangles().iter().zip(&appearance.paints) {
@@ -254,7 +257,7 @@ fn push_coloured(obj: &mut String, mesh: &Mesh, appearance: &Appearance) {
             let next = numbers.len() as u32 + 1;
             *numbers.entry((triangle[n], colours[n])).or_insert_with(|| {
                 let [r, g, b] = colours[n].map(|channel| f32::from(channel) / 255.0);
-                push_vertex(obj, &mesh.vertices()[triangle[n] as usize], &format!(" {r} {g} {b}"));
+                push_vertex(obj, mesh.vertices()[triangle[n] as usize] / metres_per_unit, &format!(" {r} {g} {b}"));
                 next
             })
         }));
@@ -322,7 +325,7 @@ mod tests {
     fn corner_colours_stay_at_vertices() {
         let [red, blue] = [[255, 0, 0], [0, 0, 255]];
         let mesh = square([Paint::Corners([red; 3]), Paint::Corners([red, blue, blue])], Vec::new());
-        let model = Model::of("square", &mesh).unwrap();
+        let model = Model::of("square", &mesh, 1.0).unwrap();
         assert_eq!(model.png, None);
         assert!(model.obj.contains("v 1 1 0 1 0 0\n") && model.obj.contains("v 1 1 0 0 0 1\n"), "{}", model.obj);
         assert!(model.obj.ends_with("f 1 2 3\nf 1 4 5\n"), "{}", model.obj);
@@ -333,7 +336,7 @@ mod tests {
         let tile = |red: u8| Image { width: 2, height: 1, pixels: vec![[red, 0, 0], [red, 0, 9]] };
         let corners = [Vec2::ZERO, Vec2::X, Vec2::ONE];
         let paints = [0, 1].map(|image| Paint::Image { image, corners });
-        let model = Model::of("square", &square(paints, vec![tile(1), tile(200)])).unwrap();
+        let model = Model::of("square", &square(paints, vec![tile(1), tile(200)]), 1.0).unwrap();
         assert!(model.mtl.contains("map_Kd new_texture.png\n"));
         assert!(model.obj.contains("\nvt ") && model.obj.contains("\nf 1/1 2/2 3/3\nf 1/4 3/5 4/6\n"), "{}", model.obj);
         let png = model.png.unwrap();

@@ -159,3 +159,52 @@ fn scans_become_scenes() {
     let zero = dataset(&["import", &path("my room.obj"), "--scale", "0", "--out", &out]);
     assert!(zero.status.code() == Some(2) && stderr(&zero).contains("positive"), "{}", stderr(&zero));
 }
+
+#[test]
+fn sets_are_split_checked_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let (set, parted, image) = (path("set"), path("parted"), path("sheet.png"));
+    assert!(dataset(&["generate", "--level", "simple", "--count", "3", "--out", &set]).status.success());
+    let planned = dataset(&["split", &set, "--seed", "5", "--dry-run"]);
+    assert_eq!(String::from_utf8_lossy(&planned.stdout).lines().count(), 3);
+    for seed in ["5", "5"] {
+        let done = dataset(&["split", &set, "--seed", seed, "--out", &parted, "--copy"]);
+        let again = Path::new(&parted).join("test").exists() && !done.status.success();
+        assert!(done.status.success() || again && stderr(&done).contains("exists already"), "{}", stderr(&done));
+    }
+    let checked = dataset(&["check", &parted, "--quick"]);
+    let told = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert!(checked.status.success() && told.contains("3 scenes, 0 faults"), "{told}{}", stderr(&checked));
+    let test = std::fs::read_dir(Path::new(&parted).join("test")).unwrap().next().unwrap().unwrap().path();
+    std::fs::remove_file(test.join("settings.json")).unwrap();
+    let broken = dataset(&["check", &parted, "--quick", "--json"]);
+    assert_eq!(broken.status.code(), Some(1));
+    let report: serde_json::Value = serde_json::from_slice(&broken.stdout).unwrap();
+    assert_eq!((&report["scenes"], &report["findings"][0]["severity"]), (&3.into(), &"fault".into()), "{report}");
+    let drawn = dataset(&["preview", &parted, "--out", &image, "--side", "120"]);
+    assert!(drawn.status.success(), "{}", stderr(&drawn));
+    assert!(std::fs::read(&image).unwrap().starts_with(b"\x89PNG"));
+}
+
+/// Other people's programs, where there are any: Python with what `tests/exchange/requirements.txt` names.
+#[test]
+fn scenes_open_in_other_programs() {
+    let python = std::env::var("NBP_EXCHANGE_PYTHON").unwrap_or("python3".into());
+    let has_all = Command::new(&python).args(["-c", "import trimesh, open3d"]).output();
+    if !has_all.is_ok_and(|tried| tried.status.success()) {
+        println!("skipped: {python} lacks trimesh or open3d; name another by NBP_EXCHANGE_PYTHON");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    for (seed, units) in [("1", "metres"), ("2", "published")] {
+        let args = ["generate", "--level", "simple", "--seed", seed, "--units", units, "--out", out];
+        assert!(dataset(&args).status.success());
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exchange/open_scenes.py");
+    let opened = Command::new(&python).arg(script).arg(out).output().unwrap();
+    let told = String::from_utf8_lossy(&opened.stdout).into_owned();
+    assert!(opened.status.success(), "{told}{}", stderr(&opened));
+    assert!(told.contains("2 of 2 scenes") && told.contains("scene_scale_factor 10 as released"), "{told}");
+}

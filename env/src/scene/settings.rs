@@ -116,6 +116,16 @@ impl Settings {
             },
         }
     }
+
+    /// The same scene in other units. In [`PUBLISHED_METRES_PER_UNIT`] the released code reads it unchanged.
+    #[must_use]
+    pub fn in_units(mut self, metres_per_unit: f32) -> Self {
+        let scale = self.scene.metres_per_unit / metres_per_unit;
+        let corners = [&mut self.scene.x_min, &mut self.scene.x_max, &mut self.camera.x_min, &mut self.camera.x_max];
+        corners.into_iter().flatten().for_each(|c| *c *= scale);
+        self.scene.metres_per_unit = metres_per_unit;
+        self
+    }
 }
 
 /// Cells of the released surface grid over a length: about one for every 10 m.

@@ -1,6 +1,6 @@
 //! `dataset convert`.
 
-use super::{Column, bar, open_wads, print_table, tell_problems, textures};
+use super::{Column, Units, bar, open_wads, print_table, tell_problems, textures};
 use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
 use nbp_dataset::wad::textures::{TextureError, Textures};
@@ -39,6 +39,9 @@ pub(crate) struct Args {
     /// Convert maps whose sectors contradict each other.
     #[arg(long)]
     force: bool,
+    /// Unit of the files.
+    #[arg(long, value_enum, default_value_t, value_name = "UNIT")]
+    units: Units,
     /// Replace scenes that exist.
     #[arg(long)]
     replace: bool,
@@ -138,7 +141,8 @@ fn own_textures(given: &[Arc<Wad>], wad: &Arc<Wad>, is_unwanted: bool) -> Result
 fn convert_one(job: &Job, args: &Args) -> Result<SceneBundle> {
     let mut map = job.wad.map(&job.map)?;
     map.name.clone_from(&job.name);
-    let scene = convert(&map, ConvertOptions { force: args.force, textures: job.textures.as_ref().as_ref() })?;
+    let mut scene = convert(&map, ConvertOptions { force: args.force, textures: job.textures.as_ref().as_ref() })?;
+    scene.settings = args.units.of(scene.settings);
     write_scene(&scene, &args.out, args.replace)?;
     Ok(scene)
 }

@@ -1,6 +1,6 @@
 //! `dataset generate`.
 
-use super::{Column, bar, print_table};
+use super::{Column, Units, bar, print_table};
 use anyhow::{Result, bail};
 use nbp_dataset::wad::{WadError, starts, to_bytes, to_playable};
 use nbp_dataset::{DoomMap, Generated, Level, WriteError, batch_seed, generate, write_scene_with};
@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// Write a playable Doom map beside each mesh.
     #[arg(long)]
     wad: bool,
+    /// Unit of the files.
+    #[arg(long, value_enum, default_value_t, value_name = "UNIT")]
+    units: Units,
     /// Replace scenes that exist.
     #[arg(long)]
     replace: bool,
@@ -68,6 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             extra.push((format!("{}.wad", generated.scene.name), wad));
             trouble.into_iter().for_each(|trouble| bar.suspend(|| eprintln!("{}: {trouble}", generated.scene.name)));
         }
+        generated.scene.settings = args.units.of(generated.scene.settings);
         write_scene_with(&generated.scene, &extra, &parent_of(number), args.replace)?;
         bar.inc(1);
         Ok(generated)

@@ -1,15 +1,20 @@
 //! The commands of the binary, one file each, and what they share: bars and tables.
 
+pub(crate) mod check;
 pub(crate) mod convert;
 pub(crate) mod generate;
 pub(crate) mod import;
+pub(crate) mod preview;
+pub(crate) mod split;
 pub(crate) mod stats;
 
 use anyhow::{Context as _, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use nbp_dataset::stats::spread;
 use nbp_dataset::wad::{Textures, Wad};
+use nbp_env::scene::Settings;
 use nbp_env::scene::load::find_scenes;
+use nbp_env::scene::settings::PUBLISHED_METRES_PER_UNIT;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,6 +26,26 @@ pub(crate) fn scenes_in(dir: &Path) -> Result<Vec<PathBuf>> {
         bail!("{} holds no scene: give a folder with *.obj files at any depth", dir.display());
     }
     Ok(found)
+}
+
+/// Unit of the files that are written.
+#[derive(Clone, Copy, Default, clap::ValueEnum)]
+pub(crate) enum Units {
+    /// One unit is 1 m. The released code reads such scenes with `scene_scale_factor` 2.
+    #[default]
+    Metres,
+    /// One unit is 5 m: the released code reads such scenes unchanged.
+    Published,
+}
+
+impl Units {
+    /// The settings in this unit; meshes follow when they are written.
+    pub(crate) fn of(self, settings: Settings) -> Settings {
+        match self {
+            Self::Metres => settings,
+            Self::Published => settings.in_units(PUBLISHED_METRES_PER_UNIT),
+        }
+    }
 }
 
 /// A bar on stderr; nothing where stderr is no terminal.

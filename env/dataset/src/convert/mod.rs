@@ -78,7 +78,7 @@ pub struct SceneBundle {
     pub name: String,
     /// Metres, `y` up, normals towards the free space.
     pub mesh: Mesh,
-    /// In metres, with start positions.
+    /// In metres unless asked otherwise, with start positions.
     pub settings: Settings,
     /// What the conversion found.
     pub report: ConvertReport,
@@ -89,7 +89,7 @@ impl SceneBundle {
     pub fn lattice(&self) -> Lattice {
         let camera = &self.settings.camera;
         Lattice {
-            origin: Vec3::from(camera.x_min) + CAMERA_HEIGHT * Vec3::Y,
+            origin: self.settings.scene.metres_per_unit * Vec3::from(camera.x_min) + CAMERA_HEIGHT * Vec3::Y,
             spacing: LATTICE_STEP,
             size: [camera.pose_l, camera.pose_h],
         }

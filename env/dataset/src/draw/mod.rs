@@ -56,6 +56,18 @@ impl Rgb {
         }
     }
 
+    /// The same for a smaller image that fits, but for pixels of one colour, which let the ground show through.
+    pub fn paste_but(&mut self, other: &Self, x: usize, y: usize, clear: [u8; 3]) {
+        for (row, column) in (0..other.height).flat_map(|row| (0..other.width).map(move |column| (row, column))) {
+            let from = (row * other.width + column) * 3;
+            let inside = x + column < self.width && y + row < self.height;
+            if inside && other.data[from..from + 3] != clear {
+                let to = ((y + row) * self.width + x + column) * 3;
+                self.data[to..to + 3].copy_from_slice(&other.data[from..from + 3]);
+            }
+        }
+    }
+
     /// The image at a size `1 / parts` of its own, each pixel the mean of `parts²`; what is left over at the right and the
     /// bottom is dropped.
     #[must_use]

@@ -181,7 +181,7 @@ mod tests {
         for level in [Level::Simple, Level::Hard] {
             let [a, b] = [(), ()].map(|()| generate(level, 11).unwrap());
             assert_eq!(a.map, b.map);
-            let model = |made: &Generated| Model::of(&made.scene.name, &made.scene.mesh).unwrap();
+            let model = |made: &Generated| Model::of(&made.scene.name, &made.scene.mesh, 1.0).unwrap();
             assert_eq!(model(&a), model(&b));
             assert_eq!(a.scene.settings, b.scene.settings);
         }
