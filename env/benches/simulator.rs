@@ -2,17 +2,19 @@
 //!
 //! Milliseconds for a 456×256 depth image in synthetic houses of three sizes, by the rasteriser with each instruction
 //! set of this machine and by one ray at a time. Repeats of the methods are interleaved, so that a busy machine disturbs
-//! all alike; medians are reported, with the least for the widest instruction set beside them. Then whole steps.
+//! all alike; medians are reported, with the least for the widest instruction set beside them. Then what colours add,
+//! and whole steps.
 
 #[allow(dead_code)]
 mod scenes;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use nbp_env::policy::random::Random;
 use nbp_env::pose::Pose;
 use nbp_env::scene::load::infer_settings;
-use nbp_env::scene::{Mesh, RayIndex};
-use nbp_env::sensor::raster::{InstructionSet, RasterIndex, render_with};
+use nbp_env::scene::{Appearance, Image, Mesh, Paint, RayIndex};
+use nbp_env::sensor::colour::{Colour, Painting};
+use nbp_env::sensor::raster::{InstructionSet, RasterIndex, render, render_marked, render_with};
 use nbp_env::sensor::trace::trace;
 use nbp_env::sensor::{Camera, Frame};
 use nbp_env::{Episode, Policy as _, Scene, SeedTree, SimConfig, World};
@@ -33,6 +35,7 @@ const STEPS: usize = 60;
 
 fn main() {
     depth_images();
+    colours();
     episodes();
 }
 
@@ -110,6 +113,52 @@ fn depth_images() {
         }
         let (shot, widest) = (median(shot), drawn.last().copied().unwrap_or(f64::NAN));
         println!("{least:>10.3}{shot:>12.2}{:>7.0}x{build:>10.2} s", shot / widest);
+    }
+}
+
+/// The same houses with a texture of 1024² texels on 20 m, about as fine as those of Doom.
+fn colours() {
+    println!("\nwith colours, microseconds per frame beyond the depth image, least of {REPEATS} repeats\n");
+    println!("{:>10}{:>10}{:>10}{:>10}", "triangles", "marks", "nearest", "bilinear");
+    for cell in CELLS {
+        let (vertices, triangles) = scenes::rooms(SIDE, cell, 7);
+        let texel = |n: usize| [(n % 251) as u8, (n / 1024 % 241) as u8, (n % 17) as u8 * 15];
+        // Upright on walls, along x and z on floors.
+        let corners = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|k| vertices[k as usize]);
+            let place = |v: Vec3| match (b - a).cross(c - a).abs().max_position() {
+                0 => Vec2::new(v.z, v.y) / 20.0,
+                1 => Vec2::new(v.x, v.z) / 20.0,
+                _ => Vec2::new(v.x, v.y) / 20.0,
+            };
+            Paint::Image { image: 0, corners: [a, b, c].map(place) }
+        };
+        let appearance = Appearance {
+            images: vec![Image { width: 1024, height: 1024, pixels: (0..1024 * 1024).map(texel).collect() }],
+            paints: triangles.iter().map(corners).collect(),
+        };
+        let mesh = match Mesh::painted(vertices.clone(), triangles.clone(), appearance.clone()) {
+            Ok(mesh) => mesh,
+            Err(error) => panic!("a made-up scene is a mesh: {error}"),
+        };
+        let (raster, poses) = (RasterIndex::build(&mesh), free_poses(&RayIndex::build(&mesh)));
+        let (camera, mut frame, mut marks) = (Camera::default(), Frame::default(), Vec::new());
+        let mut times = [const { Vec::new() }; 4];
+        for _ in 0..REPEATS {
+            times[0].push(per_frame(&poses, 4, |pose| render(&raster, &camera, pose, &mut frame)));
+            times[1].push(per_frame(&poses, 4, |pose| render_marked(&raster, &camera, pose, &mut frame, &mut marks)));
+            for (colour, times) in [Colour::Nearest, Colour::Bilinear].into_iter().zip(&mut times[2..]) {
+                times.push(per_frame(&poses, 4, |pose| {
+                    render_marked(&raster, &camera, pose, &mut frame, &mut marks);
+                    Painting { mesh: &mesh, appearance: &appearance, camera: &camera, pose, colour }
+                        .paint(&marks, &mut frame.colour);
+                }));
+            }
+        }
+        let least = |times: Vec<f64>| 1e3 * times.into_iter().fold(f64::INFINITY, f64::min);
+        let [depth, marked, nearest, bilinear] = times.map(least);
+        let beyond = [marked, nearest, bilinear].map(|time| time - depth);
+        println!("{:>10}{:>10.0}{:>10.0}{:>10.0}", mesh.triangles().len(), beyond[0], beyond[1], beyond[2]);
     }
 }
 

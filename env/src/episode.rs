@@ -8,7 +8,7 @@ use crate::predict::EncoderInput;
 use crate::scene::Scene;
 use crate::scene::slice::ObstacleGrid;
 use crate::seed::{Rng, SeedTree};
-use crate::sensor::{Camera, CameraError, DepthCamera, Frame, Sensor};
+use crate::sensor::{Camera, CameraError, Colour, Frame, RgbdCamera, Sensor};
 use glam::Vec3;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,9 @@ pub struct Action {
 pub struct SimConfig {
     /// The depth camera.
     pub camera: Camera,
+    /// Colours of images and of the cloud: `off`, `nearest` or `bilinear`. Nothing but them depends on it; scenes must be
+    /// loaded with their colours.
+    pub colour: Colour,
     /// What the network sees.
     pub encode: EncodeConfig,
     /// How coverage is measured.
@@ -44,6 +47,7 @@ impl Default for SimConfig {
     fn default() -> Self {
         Self {
             camera: Camera::default(),
+            colour: Colour::Off,
             encode: EncodeConfig::default(),
             coverage: CoverageConfig::default(),
             keep: 0.05,
@@ -139,7 +143,7 @@ pub struct World {
     scene: Scene,
     surface: Surface,
     obstacles: ObstacleGrid,
-    sensor: DepthCamera,
+    sensor: RgbdCamera,
     config: SimConfig,
 }
 
@@ -158,7 +162,7 @@ impl World {
         Ok(Self {
             surface,
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
-            sensor: DepthCamera(config.camera),
+            sensor: RgbdCamera { camera: config.camera, colour: config.colour },
             config: config.clone(),
             scene,
         })
@@ -324,23 +328,26 @@ impl Episode {
         world.sensor.capture(&world.scene, pose, &mut self.frame);
         // By step and capture, so that policies that took different ways still keep the same pixels.
         let mut pixels = self.pixels.child("step", self.step as u64).child("capture", number as u64).rng();
-        let points = keep_points(camera, pose, &self.frame, world.config.keep, &mut pixels);
+        let (points, colours) = keep_points(camera, pose, &self.frame, world.config.keep, &mut pixels);
         self.coverage.add(&world.surface, &points, self.step as u32);
-        self.map.integrate(camera, pose, &self.frame, &points);
+        self.map.integrate(camera, pose, &self.frame, &points, &colours);
     }
 }
 
-/// Points of a random share of a frame's valid pixels: one pixel at random out of each run of `1 / keep`.
-fn keep_points(camera: &Camera, pose: &Pose, frame: &Frame, keep: f32, rng: &mut Rng) -> Vec<Vec3> {
+/// Points of a random share of a frame's valid pixels: one pixel at random out of each run of `1 / keep`. Where the frame
+/// has colours, also theirs.
+fn keep_points(camera: &Camera, pose: &Pose, frame: &Frame, keep: f32, rng: &mut Rng) -> (Vec<Vec3>, Vec<[u8; 3]>) {
     let run = (1.0 / keep).round().max(1.0) as usize;
     let mut points = Vec::with_capacity(frame.depth.len() / run + 1);
+    let mut colours = Vec::new();
     for begin in (0..frame.depth.len()).step_by(run) {
         let index = begin + rng.random_range(0..run);
         if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0) {
             points.push(camera.unproject(pose, index % frame.width, index / frame.width, depth));
+            colours.extend(frame.colour.get(index));
         }
     }
-    points
+    (points, colours)
 }
 
 #[cfg(test)]
@@ -395,6 +402,28 @@ mod tests {
             "it came from -z, which is below"
         );
         assert!(input.channel(2).iter().any(|&c| c > 0));
+    }
+
+    #[test]
+    fn colours_change_nothing_but_the_colours_of_the_cloud() {
+        let [plain, coloured] = [Colour::Off, Colour::Nearest].map(|colour| {
+            let world = World::new(Scene::painted_rooms(), &SimConfig { colour, ..SimConfig::default() }).unwrap();
+            let mut episode = Episode::new(Arc::new(world), start(1, 2), 3, SeedTree::new(1));
+            for heading in [3, 6] {
+                episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
+            }
+            episode
+        });
+        assert_eq!(plain.curve(), coloured.curve());
+        assert_eq!(plain.view().cloud(), coloured.view().cloud());
+        assert_eq!(plain.encode(), coloured.encode());
+        assert!(plain.view().cloud_colours().is_empty());
+        let (points, colours) = (coloured.view().cloud(), coloured.view().cloud_colours());
+        assert_eq!(points.len(), colours.len());
+        // The floor is painted in one colour; where walls meet it, points of theirs lie as low.
+        let floor = points.iter().zip(colours).filter(|(point, _)| point.y < 1e-3);
+        let (all, brown) = (floor.clone().count(), floor.filter(|&(_, &colour)| colour == [90, 70, 50]).count());
+        assert!(brown > 1000 && 100 * brown >= 99 * all, "{brown} of {all}");
     }
 
     #[test]

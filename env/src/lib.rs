@@ -24,6 +24,7 @@ pub mod explain;
 pub mod label;
 pub mod metrics;
 pub mod parallel;
+pub mod ply;
 
 pub use episode::{Action, Episode, SimConfig, World};
 pub use map::MapView;

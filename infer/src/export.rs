@@ -3,26 +3,18 @@
 use crate::picture::height_colour;
 use crate::rollout::EpisodeRecord;
 use glam::Vec3;
-use nbp_env::{Lattice, LatticePose};
+use nbp_env::{Lattice, LatticePose, ply};
 use serde::Serialize;
 use std::fmt::Write as _;
 
-/// A point cloud as binary little-endian PLY, positions in metres with `y` up, coloured by height.
-pub fn cloud_ply(points: &[Vec3]) -> Vec<u8> {
-    let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment metres, y up\nelement vertex {}\nproperty float x\nproperty float y\n\
-         property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
-        points.len()
-    )
-    .into_bytes();
+/// A point cloud as PLY in the colours of its points, or by height where there are none.
+pub fn cloud_ply(points: &[Vec3], colours: &[[u8; 3]]) -> Vec<u8> {
+    if colours.len() == points.len() {
+        return ply::cloud(points, |number| colours[number]);
+    }
     let heights = points.iter().map(|p| p.y);
     let [low, high] = heights.fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], y| [l.min(y), h.max(y)]);
-    bytes.reserve(points.len() * 15);
-    for point in points {
-        bytes.extend(point.to_array().into_iter().flat_map(f32::to_le_bytes));
-        bytes.extend(height_colour((point.y - low) / (high - low).max(1e-6)));
-    }
-    bytes
+    ply::cloud(points, |number| height_colour((points[number].y - low) / (high - low).max(1e-6)))
 }
 
 /// One pose of `trajectory.json`.
@@ -138,15 +130,10 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_ply_has_its_header_and_fifteen_bytes_a_point() {
-        let bytes = cloud_ply(&[Vec3::new(1.0, 0.0, -2.5), Vec3::new(0.0, 3.0, 0.0)]);
-        let end = b"end_header\n";
-        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
-        assert!(std::str::from_utf8(&bytes[..at]).unwrap().contains("element vertex 2\n"));
-        assert_eq!(bytes.len() - at, 30);
-        assert_eq!(bytes[at + 8..at + 12], (-2.5_f32).to_le_bytes());
-        assert_eq!(bytes[at + 12..at + 15], height_colour(0.0));
-        assert!(cloud_ply(&[]).ends_with(end));
+    fn a_cloud_has_its_own_colours_or_those_of_its_heights() {
+        let points = [Vec3::new(1.0, 0.0, -2.5), Vec3::new(0.0, 3.0, 0.0)];
+        assert!(cloud_ply(&points, &[[1, 2, 3], [4, 5, 6]]).ends_with(&[4, 5, 6]));
+        assert!(cloud_ply(&points, &[]).ends_with(&height_colour(1.0)));
     }
 
     #[test]

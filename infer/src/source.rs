@@ -3,7 +3,7 @@
 use nbp_dataset::wad::{Wad, WadError};
 use nbp_dataset::{WadSceneError, scene_from_wad};
 use nbp_env::Scene;
-use nbp_env::scene::LoadError;
+use nbp_env::scene::{LoadError, LoadOptions};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -82,9 +82,9 @@ impl Source {
     ///
     /// # Errors
     /// Naming the file and the reason.
-    pub fn load(&self) -> Result<Scene, SourceError> {
+    pub fn load(&self, options: LoadOptions) -> Result<Scene, SourceError> {
         match self {
-            Self::Mesh(path) => Ok(Scene::load(path)?),
+            Self::Mesh(path) => Ok(Scene::load_with(path, options)?),
             Self::Map { wad, map } => scene_from_wad(wad, Some(map)).map_err(|source| {
                 let is_unfit = matches!(source, WadSceneError::Convert { .. } | WadSceneError::Scene { .. });
                 let hint = if is_unfit { "; to leave this map out, name the others as FILE.wad:MAP01" } else { "" };
@@ -135,10 +135,10 @@ pub fn find(argument: &str) -> Result<Vec<Source>, SourceError> {
 ///
 /// # Errors
 /// When it names none or several.
-pub fn load_one(argument: &str) -> Result<Scene, SourceError> {
+pub fn load_one(argument: &str, options: LoadOptions) -> Result<Scene, SourceError> {
     let found = find(argument)?;
     match found.as_slice() {
-        [source] => source.load(),
+        [source] => source.load(options),
         all => {
             let some: Vec<String> = all.iter().take(3).map(Source::to_string).collect();
             let some = some.join(", ") + if all.len() > 3 { ", …" } else { "" };
@@ -151,7 +151,11 @@ pub fn load_one(argument: &str) -> Result<Scene, SourceError> {
 ///
 /// # Errors
 /// When an argument names none, or a scene cannot be read.
-pub fn load_all(arguments: &[String], on_scene: impl Fn(usize) + Sync) -> Result<Vec<Scene>, SourceError> {
+pub fn load_all(
+    arguments: &[String],
+    options: LoadOptions,
+    on_scene: impl Fn(usize) + Sync,
+) -> Result<Vec<Scene>, SourceError> {
     let mut sources = Vec::new();
     let mut known = BTreeSet::new();
     for argument in arguments {
@@ -159,7 +163,7 @@ pub fn load_all(arguments: &[String], on_scene: impl Fn(usize) + Sync) -> Result
     }
     let total = sources.len();
     let load = |source: &Source| {
-        let scene = source.load();
+        let scene = source.load(options);
         on_scene(total);
         scene
     };
@@ -225,11 +229,14 @@ mod tests {
         }
         fs::write(dir.path().join("notes.txt"), "").unwrap();
         let twice = [argument(dir.path()), argument(&dir.path().join("hard"))];
-        let scenes = load_all(&twice, |total| assert_eq!(total, 3)).unwrap();
+        let scenes = load_all(&twice, LoadOptions::default(), |total| assert_eq!(total, 3)).unwrap();
         assert_eq!(scenes.iter().map(Scene::name).collect::<Vec<_>>(), ["easy-0", "hard-0", "1"]);
-        let error = load_one(&twice[1]).unwrap_err().to_string();
+        let error = load_one(&twice[1], LoadOptions::default()).unwrap_err().to_string();
         assert!(error.contains("2 scenes"), "{error}");
-        assert_eq!(load_one(&argument(&dir.path().join("hard/1/mesh.obj"))).unwrap().name(), "mesh");
+        assert_eq!(
+            load_one(&argument(&dir.path().join("hard/1/mesh.obj")), LoadOptions::default()).unwrap().name(),
+            "mesh"
+        );
     }
 
     #[test]

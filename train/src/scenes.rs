@@ -5,6 +5,7 @@ use crate::log::Bars;
 use anyhow::{Context as _, Result, anyhow};
 use nbp_dataset::generate::{Level, generate};
 use nbp_env::parallel::try_map;
+use nbp_env::scene::LoadOptions;
 use nbp_env::{Scene, SimConfig, World};
 use nbp_infer::source;
 use std::sync::Arc;
@@ -34,7 +35,7 @@ fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
 
 fn read(set: &SceneSet) -> Result<Vec<Scene>> {
     let paths: Vec<String> = set.paths.iter().map(|path| path.display().to_string()).collect();
-    let mut scenes = source::load_all(&paths, |_| ())?;
+    let mut scenes = source::load_all(&paths, LoadOptions::default(), |_| ())?;
     if set.count > 0 {
         scenes.truncate(set.count);
     }

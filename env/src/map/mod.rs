@@ -19,6 +19,8 @@ pub struct AgentMap {
     density: DensityGrid,
     occupancy: OccupancyGrid,
     cloud: Vec<Vec3>,
+    /// One for each point, or none.
+    colours: Vec<[u8; 3]>,
     history: Vec<LatticePose>,
     visits: BTreeMap<LatticePose, u32>,
     traversed: BTreeSet<(Node, Node)>,
@@ -32,6 +34,7 @@ impl AgentMap {
             density: DensityGrid::new(size, layers, camera_plane),
             occupancy: OccupancyGrid::default(),
             cloud: Vec::new(),
+            colours: Vec::new(),
             history: Vec::new(),
             visits: BTreeMap::new(),
             traversed: BTreeSet::new(),
@@ -39,11 +42,12 @@ impl AgentMap {
         }
     }
 
-    /// Takes in one frame and the points kept of it.
-    pub fn integrate(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, points: &[Vec3]) {
+    /// Takes in one frame and the points kept of it, with their colours if the sensor has any.
+    pub fn integrate(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, points: &[Vec3], colours: &[[u8; 3]]) {
         self.density.add(points);
         self.occupancy.carve(camera, pose, frame);
         self.cloud.extend_from_slice(points);
+        self.colours.extend_from_slice(colours);
     }
 
     /// The agent stands at a pose at the end of a step.
@@ -85,6 +89,11 @@ impl<'a> MapView<'a> {
     /// Every point kept so far, metres.
     pub fn cloud(&self) -> &'a [Vec3] {
         &self.map.cloud
+    }
+
+    /// sRGB of each point of the cloud; empty when the sensor or the scene has no colours.
+    pub fn cloud_colours(&self) -> &'a [[u8; 3]] {
+        &self.map.colours
     }
 
     /// Points per pixel and layer.

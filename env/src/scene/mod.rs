@@ -170,6 +170,47 @@ impl Scene {
         &self.walls
     }
 
+    /// [`Scene::two_rooms`] with a brown floor, a white ceiling, and on each wall a picture with a corner of its own
+    /// colour, repeated every 3 m.
+    #[cfg(test)]
+    pub(crate) fn painted_rooms() -> Self {
+        let (mesh, settings) = two_rooms();
+        let side = 32_usize;
+        let texel = |at: usize| match (at % side, at / side) {
+            (x, y) if x < side / 4 && y < side / 4 => [220, 30, 30],
+            (x, y) if x.abs_diff(side / 2) < 2 || y == side - 1 || x + y == side => [30, 60, 200],
+            (x, y) => [200 - 40 * ((x / 4 + y / 4) % 2) as u8; 3],
+        };
+        let image = Image { width: side, height: side, pixels: (0..side * side).map(texel).collect() };
+        let paint = |corners: [Vec3; 3]| {
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            match (normal.y.abs() > 0.5, corners[0].y < 1.0) {
+                (true, true) => Paint::Corners([[90, 70, 50]; 3]),
+                (true, false) => Paint::Corners([[255; 3]; 3]),
+                // Upright and readable from the side where the room is: from inside the outer walls.
+                _ => Paint::Image {
+                    image: 0,
+                    corners: corners.map(|v| {
+                        let right = if normal.x.abs() > 0.5 {
+                            if v.x < 6.0 { -v.z } else { v.z }
+                        } else if v.z < 4.5 {
+                            v.x
+                        } else {
+                            -v.x
+                        };
+                        Vec2::new(right, v.y) / 3.0
+                    }),
+                },
+            }
+        };
+        let appearance = Appearance { images: vec![image], paints: mesh.iter_corners().map(paint).collect() };
+        let mesh = Mesh::painted(mesh.vertices().to_vec(), mesh.triangles().to_vec(), appearance);
+        match mesh.map(|mesh| Self::new("painted_rooms", mesh, &settings)) {
+            Ok(Ok(scene)) => scene,
+            error => unreachable!("the built-in scene is valid: {error:?}"),
+        }
+    }
+
     /// Two rooms of 6×9 m joined by a door, with a pillar: a closed mesh for tests and examples.
     pub fn two_rooms() -> Self {
         let (mesh, settings) = two_rooms();

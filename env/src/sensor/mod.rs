@@ -1,9 +1,11 @@
-//! What the agent sees: depth images of a scene.
+//! What the agent sees: depth images of a scene, with colours where they are asked for.
 //!
-//! Second step of the flow, `scene → sensor → map`. [`DepthCamera`] rasterises and is the one to use; [`RayCamera`]
-//! shoots one watertight ray per pixel, a hundred times slower, and is the oracle that the tests hold it against.
+//! Second step of the flow, `scene → sensor → map`. [`DepthCamera`] rasterises and is the one to use, [`RgbdCamera`] adds
+//! colours to the same depths; [`RayCamera`] shoots one watertight ray per pixel, a hundred times slower, and is the
+//! oracle that the tests hold both against.
 
 pub mod camera;
+pub mod colour;
 pub mod raster;
 #[cfg(test)]
 #[path = "../../benches/scenes/mod.rs"]
@@ -12,11 +14,15 @@ pub(crate) mod test_scenes;
 pub mod trace;
 
 pub use camera::{Camera, CameraError, MAX_SIDE};
+pub use colour::{Colour, RgbdCamera};
 pub use raster::{DepthCamera, RasterIndex, render};
 pub use trace::{RayCamera, trace};
 
 use crate::pose::Pose;
 use crate::scene::Scene;
+
+/// The number of the triangle that a pixel without a surface shows.
+pub const NO_TRIANGLE: u32 = u32::MAX;
 
 /// A depth image. Keep one and capture into it again: its memory is reused.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +33,9 @@ pub struct Frame {
     pub height: usize,
     /// Row-major from the top-left pixel: depth along the optical axis in metres, 0 where no surface is within range.
     pub depth: Vec<f32>,
+    /// sRGB, laid out like the depths, black where no surface is within range; empty where the sensor or the scene has no
+    /// colours.
+    pub colour: Vec<[u8; 3]>,
 }
 
 impl Frame {
@@ -39,6 +48,7 @@ impl Frame {
     fn resize(&mut self, camera: &Camera) {
         (self.width, self.height) = (camera.width, camera.height);
         self.depth.resize(camera.width * camera.height, 0.0);
+        self.colour.clear();
     }
 }
 

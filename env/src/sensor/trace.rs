@@ -1,6 +1,6 @@
 //! The ray twin of the rasteriser: slow, simple, and right.
 
-use super::{Camera, Frame, Sensor};
+use super::{Camera, Frame, NO_TRIANGLE, Sensor};
 use crate::pose::Pose;
 use crate::scene::{RayIndex, Scene};
 
@@ -20,13 +20,21 @@ impl Sensor for RayCamera {
 
 /// One image by rays.
 pub fn trace(rays: &RayIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
+    trace_marked(rays, camera, pose, out, &mut Vec::new());
+}
+
+/// One image by rays, and in `triangles` the number of the triangle that each pixel shows, [`NO_TRIANGLE`] where it shows
+/// nothing.
+pub fn trace_marked(rays: &RayIndex, camera: &Camera, pose: &Pose, out: &mut Frame, triangles: &mut Vec<u32>) {
     out.resize(camera);
+    triangles.clear();
     for (row, line) in out.depth.chunks_exact_mut(camera.width).enumerate() {
         for (col, depth) in line.iter_mut().enumerate() {
             // The ray advances 1 along the optical axis, so its parameter is the depth.
             let ray = camera.ray(pose, col, row);
             let hit = rays.nearest_between(pose.position, ray, Camera::NEAR, camera.range);
             *depth = hit.map_or(0.0, |hit| hit.t);
+            triangles.push(hit.map_or(NO_TRIANGLE, |hit| hit.triangle));
         }
     }
 }

@@ -5,6 +5,8 @@ use super::setup::{self, Setup};
 use super::talk::Talk;
 use super::usage;
 use anyhow::{Context, Result};
+use nbp_env::Scene;
+use nbp_env::scene::LoadOptions;
 use nbp_infer::journal::{Fingerprints, Journal};
 use nbp_infer::{EvalConfig, PolicyKind, checkpoint, eval, export, plot, source, table};
 use nbp_model::DeviceChoice;
@@ -50,9 +52,13 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit };
 
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
-    let scenes = source::load_all(&args.scenes, |total| bar.set(read.fetch_add(1, Ordering::Relaxed) + 1, total));
+    // Nothing that is written here has colours.
+    let on_scene = |total| bar.set(read.fetch_add(1, Ordering::Relaxed) + 1, total);
+    let scenes = source::load_all(&args.scenes, LoadOptions::default(), on_scene);
     bar.finish();
-    let worlds = setup::worlds(scenes.context("cannot use the scenes")?, &settings)?;
+    let scenes = scenes.context("cannot use the scenes")?;
+    scenes.iter().flat_map(Scene::notes).for_each(|note| talk.say(format!("note: {note}")));
+    let worlds = setup::worlds(scenes, &settings)?;
     let weights = match (&args.setup.checkpoint, &context.predictor) {
         (Some(path), Some(_)) => Some(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?),
         _ => None,

@@ -47,7 +47,7 @@ mod tests {
         assert_eq!(apply(&Settings::default(), &[]).unwrap(), Settings::default());
         let message = |text: &str| format!("{:#}", set(text).unwrap_err());
         assert!(
-            message("sim.keeep=1").contains("camera, captures, coverage, encode, keep"),
+            message("sim.keeep=1").contains("camera, captures, colour, coverage, encode, keep"),
             "{}",
             message("sim.keeep=1")
         );

@@ -5,6 +5,7 @@ use super::setup::{self, Setup};
 use super::talk::Talk;
 use anyhow::{Context, Result};
 use nbp_env::Policy;
+use nbp_env::scene::LoadOptions;
 use nbp_infer::rollout::{Rollout, Trial, run_episode};
 use nbp_infer::{PolicyKind, export, picture, plot, registry, source};
 use nbp_model::DeviceChoice;
@@ -35,7 +36,9 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let out = Output::prepare(&args.out)?;
     let Setup { settings, context } = args.setup.setup(&[args.policy], device, talk)?;
-    let scene = source::load_one(&args.scene).context("cannot use the scene")?;
+    let options = LoadOptions { colour: settings.sim.colour.is_on() };
+    let scene = source::load_one(&args.scene, options).context("cannot use the scene")?;
+    scene.notes().iter().for_each(|note| talk.say(format!("note: {note}")));
     let world = setup::worlds(vec![scene], &settings)?.swap_remove(0);
     let lattice = *world.scene().lattice();
     talk.say(format!(
@@ -70,7 +73,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     failure?;
 
     let title = format!("{}  ·  {}", record.scene, record.policy);
-    out.write("cloud.ply", export::cloud_ply(episode.view().cloud()))?;
+    out.write("cloud.ply", export::cloud_ply(episode.view().cloud(), episode.view().cloud_colours()))?;
     out.write("trajectory.json", export::trajectory_json(&record, &lattice)?)?;
     out.write("coverage.csv", export::coverage_csv(&record.curve))?;
     out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;

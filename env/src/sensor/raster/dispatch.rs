@@ -9,8 +9,10 @@ use super::index::RasterIndex;
 use super::pyramid::Pyramid;
 use super::view::View;
 use super::walk::{Waiting, walk};
+use crate::sensor::colour::Painting;
 use crate::sensor::{Camera, Frame};
 use std::collections::BinaryHeap;
+use std::sync::LazyLock;
 
 /// Memory that one frame leaves to the next on the same thread.
 #[derive(Default)]
@@ -49,8 +51,11 @@ impl InstructionSet {
     }
 
     /// The widest available.
-    pub(super) fn best() -> Self {
-        Self::available().next_back().unwrap_or(Self(Set::Baseline))
+    pub fn best() -> Self {
+        // Asked once: the answer of the machine does not change.
+        static BEST: LazyLock<InstructionSet> =
+            LazyLock::new(|| InstructionSet::available().next_back().unwrap_or(InstructionSet(Set::Baseline)));
+        *BEST
     }
 
     /// Name for tables.
@@ -64,43 +69,91 @@ impl InstructionSet {
         }
     }
 
-    /// Draws one image.
+    /// Writes the colours of an image.
     #[allow(unsafe_code)]
-    pub(super) fn draw(
+    pub(in crate::sensor) fn paint(self, painting: &Painting, triangles: &[u32], out: &mut [[u8; 3]]) {
+        match self.0 {
+            Set::Baseline => painting.paint_runs(triangles, out),
+            // SAFETY: as in `draw`.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => unsafe { paint_avx2(painting, triangles, out) },
+            // SAFETY: as in `draw`.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => unsafe { paint_avx512(painting, triangles, out) },
+        }
+    }
+
+    /// Draws one image; with `MARKED`, leaves the triangles that it shows in `marks`.
+    #[allow(unsafe_code)]
+    pub(super) fn draw<const MARKED: bool>(
         self,
         index: &RasterIndex,
         camera: &Camera,
         view: &View,
         scratch: &mut Scratch,
+        marks: &mut Vec<u32>,
         out: &mut Frame,
     ) {
         match self.0 {
-            Set::Baseline => draw(index, camera, view, scratch, out),
+            Set::Baseline => draw::<MARKED>(index, camera, view, scratch, marks, out),
             // SAFETY: the bodies are safe code that needs the named features, and `available` found them.
             #[cfg(target_arch = "x86_64")]
-            Set::Avx2 => unsafe { draw_avx2(index, camera, view, scratch, out) },
+            Set::Avx2 => unsafe { draw_avx2::<MARKED>(index, camera, view, scratch, marks, out) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Set::Avx512 => unsafe { draw_avx512(index, camera, view, scratch, out) },
+            Set::Avx512 => unsafe { draw_avx512::<MARKED>(index, camera, view, scratch, marks, out) },
         }
     }
 }
 
 #[inline(always)]
-fn draw(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
-    let mut image = Image::start(camera, view.far, &mut scratch.pyramid, out);
+fn draw<const MARKED: bool>(
+    index: &RasterIndex,
+    camera: &Camera,
+    view: &View,
+    scratch: &mut Scratch,
+    marks: &mut Vec<u32>,
+    out: &mut Frame,
+) {
+    let mut image = Image::<MARKED>::start(camera, view.far, &mut scratch.pyramid, marks, out);
     walk(index, view, &mut image, &mut scratch.queue);
     image.finish(view.far);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn draw_avx2(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
-    draw(index, camera, view, scratch, out);
+fn draw_avx2<const MARKED: bool>(
+    index: &RasterIndex,
+    camera: &Camera,
+    view: &View,
+    scratch: &mut Scratch,
+    marks: &mut Vec<u32>,
+    out: &mut Frame,
+) {
+    draw::<MARKED>(index, camera, view, scratch, marks, out);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-fn draw_avx512(index: &RasterIndex, camera: &Camera, view: &View, scratch: &mut Scratch, out: &mut Frame) {
-    draw(index, camera, view, scratch, out);
+fn draw_avx512<const MARKED: bool>(
+    index: &RasterIndex,
+    camera: &Camera,
+    view: &View,
+    scratch: &mut Scratch,
+    marks: &mut Vec<u32>,
+    out: &mut Frame,
+) {
+    draw::<MARKED>(index, camera, view, scratch, marks, out);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn paint_avx2(painting: &Painting, triangles: &[u32], out: &mut [[u8; 3]]) {
+    painting.paint_runs(triangles, out);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn paint_avx512(painting: &Painting, triangles: &[u32], out: &mut [[u8; 3]]) {
+    painting.paint_runs(triangles, out);
 }

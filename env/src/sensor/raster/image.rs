@@ -1,20 +1,23 @@
 //! The image while it is drawn: 1/depth in each pixel, and what is hidden behind it.
 //!
-//! Every pixel holds the largest 1/depth drawn so far, so the order of drawing does not change the result.
+//! Every pixel holds the largest 1/depth drawn so far, so the order of drawing does not change the result. With `MARKED`,
+//! it also holds which triangle that was; without, that costs nothing.
 
 use super::pyramid::{Pyramid, TILE};
 use super::spans::{ROWS, Spans, Triangle, smallest};
 use super::view::{Extent, nearest_whole};
 use super::{high, low};
-use crate::sensor::{Camera, Frame};
+use crate::sensor::{Camera, Frame, NO_TRIANGLE};
 
 /// Pixels written at once: a row of a tile.
 const CHUNK: usize = TILE;
 
 /// The image being drawn, in the memory of a frame.
-pub(super) struct Image<'a> {
+pub(super) struct Image<'a, const MARKED: bool> {
     /// Row-major, with some pixels to spare at the end: chunks may reach beyond a row's end, but change nothing there.
     pixels: &'a mut Vec<f32>,
+    /// Which triangle each pixel shows, laid out like `pixels`; untouched unless `MARKED`.
+    marks: &'a mut Vec<u32>,
     pyramid: &'a mut Pyramid,
     width: usize,
     height: usize,
@@ -26,17 +29,28 @@ pub(super) struct Image<'a> {
     border: f32,
 }
 
-impl<'a> Image<'a> {
+impl<'a, const MARKED: bool> Image<'a, MARKED> {
     /// An empty image.
     #[inline(always)]
-    pub(super) fn start(camera: &Camera, far: f32, pyramid: &'a mut Pyramid, out: &'a mut Frame) -> Self {
+    pub(super) fn start(
+        camera: &Camera,
+        far: f32,
+        pyramid: &'a mut Pyramid,
+        marks: &'a mut Vec<u32>,
+        out: &'a mut Frame,
+    ) -> Self {
         let (width, height, stride) = (camera.width, camera.height, camera.width.max(CHUNK));
         (out.width, out.height) = (width, height);
         out.depth.clear();
         out.depth.resize(stride * height + 2 * CHUNK, far);
+        out.colour.clear();
+        if MARKED {
+            marks.clear();
+            marks.resize(out.depth.len(), NO_TRIANGLE);
+        }
         pyramid.start(width.div_ceil(TILE), height.div_ceil(TILE), far);
         let ([x, y], [border, _]) = (camera.offsets(0, 0), camera.offsets(width - 1, 0));
-        Self { pixels: &mut out.depth, pyramid, width, height, stride, origin: [x, y], border }
+        Self { pixels: &mut out.depth, marks, pyramid, width, height, stride, origin: [x, y], border }
     }
 
     /// Turns 1/depth into depth.
@@ -51,9 +65,15 @@ impl<'a> Image<'a> {
             for row in 1..self.height {
                 let from = row * self.stride;
                 self.pixels.copy_within(from..from + self.width, row * self.width);
+                if MARKED {
+                    self.marks.copy_within(from..from + self.width, row * self.width);
+                }
             }
         }
         self.pixels.truncate(self.width * self.height);
+        if MARKED {
+            self.marks.truncate(self.width * self.height);
+        }
     }
 
     /// Whether a surface within an extent could be nearer than what is drawn.
@@ -62,19 +82,19 @@ impl<'a> Image<'a> {
         self.pyramid.may_show(extent)
     }
 
-    /// Draws one triangle. Some of what it hides is known only after [`Image::refresh`].
+    /// Draws one triangle, to be remembered as `mark`. Some of what it hides is known only after [`Image::refresh`].
     #[inline(always)]
-    pub(super) fn draw(&mut self, triangle: &Triangle) {
+    pub(super) fn draw(&mut self, triangle: &Triangle, mark: u32) {
         match triangle.extent.x1 - triangle.extent.x0 {
-            1..=8 => self.draw_narrow::<1>(triangle),
-            9..=16 => self.draw_narrow::<2>(triangle),
-            _ => self.draw_wide(triangle),
+            1..=8 => self.draw_narrow::<1>(triangle, mark),
+            9..=16 => self.draw_narrow::<2>(triangle, mark),
+            _ => self.draw_wide(triangle, mark),
         }
     }
 
     /// Draws a triangle of at most `CHUNKS` chunks in each row, without asking tile by tile what is hidden.
     #[inline(always)]
-    fn draw_narrow<const CHUNKS: usize>(&mut self, triangle: &Triangle) {
+    fn draw_narrow<const CHUNKS: usize>(&mut self, triangle: &Triangle, mark: u32) {
         let Extent { x0, x1, y0, y1, .. } = triangle.extent;
         let (x0, y0, x1, y1) = (x0 as usize, y0 as usize, x1 as usize, y1 as usize);
         let (mut x, mut part) = ([[0.0; CHUNK]; CHUNKS], [[0.0; CHUNK]; CHUNKS]);
@@ -89,9 +109,14 @@ impl<'a> Image<'a> {
             let spans = Spans::new(triangle, self.origin[1] + top as f32, self.border);
             for row in top..y1.min(top + ROWS) {
                 let (left, right, along) = (spans.left[row - top], spans.right[row - top], spans.along[row - top]);
-                let pixels = &mut self.pixels[row * self.stride + x0..][..CHUNKS * CHUNK];
+                let at = row * self.stride + x0;
+                let pixels = &mut self.pixels[at..][..CHUNKS * CHUNK];
                 for (c, chunk) in pixels.as_chunks_mut::<CHUNK>().0.iter_mut().enumerate() {
+                    let before = *chunk;
                     draw_chunk(chunk, &x[c], &part[c], left, right, along);
+                    if MARKED {
+                        mark_chunk(&mut self.marks[at + c * CHUNK..], &before, chunk, mark);
+                    }
                 }
             }
             top += ROWS;
@@ -105,7 +130,7 @@ impl<'a> Image<'a> {
 
     /// Draws a triangle tile by tile, leaving out those that hide it.
     #[inline(always)]
-    fn draw_wide(&mut self, triangle: &Triangle) {
+    fn draw_wide(&mut self, triangle: &Triangle, mark: u32) {
         let extent = &triangle.extent;
         for ty in extent.y0 as usize / TILE..(extent.y1 - 1) as usize / TILE + 1 {
             let spans = Spans::new(triangle, self.origin[1] + (ty * TILE) as f32, self.border);
@@ -132,7 +157,11 @@ impl<'a> Image<'a> {
                 for row in 0..rows {
                     let Some(chunk) = self.pixels[at + row * self.stride..].first_chunk_mut() else { break };
                     let (left, right, along) = (spans.left[row], spans.right[row], spans.along[row]);
+                    let before = *chunk;
                     draw_chunk(chunk, &x, &part, left, right, along);
+                    if MARKED {
+                        mark_chunk(&mut self.marks[at + row * self.stride..], &before, chunk, mark);
+                    }
                     for i in 0..CHUNK {
                         least[i] = low(chunk[i], least[i]);
                     }
@@ -175,5 +204,14 @@ fn draw_chunk(pixels: &mut [f32; CHUNK], x: &[f32; CHUNK], part: &[f32; CHUNK], 
         let new = if x[i] >= left { new } else { 0.0 };
         let new = if x[i] <= right { new } else { 0.0 };
         pixels[i] = high(new, pixels[i]);
+    }
+}
+
+/// Marks the pixels of a part of a row that came nearer.
+#[inline(always)]
+fn mark_chunk(marks: &mut [u32], before: &[f32; CHUNK], after: &[f32; CHUNK], mark: u32) {
+    let Some(marks) = marks.first_chunk_mut::<CHUNK>() else { return };
+    for i in 0..CHUNK {
+        marks[i] = if after[i] > before[i] { mark } else { marks[i] };
     }
 }

@@ -66,6 +66,8 @@ pub(super) struct Packet {
 pub struct RasterIndex {
     pub(super) nodes: Vec<Wide>,
     pub(super) packets: Vec<Packet>,
+    /// For each packet, the triangles' numbers in the mesh; apart, because depth does not ask for them.
+    pub(super) numbers: Vec<[u32; LANES]>,
 }
 
 impl RasterIndex {
@@ -77,7 +79,7 @@ impl RasterIndex {
             let axis = normal.abs().max_position();
             facing[2 * axis + usize::from(normal[axis] > 0.0)].push(id);
         }
-        let mut index = Self { nodes: vec![Wide::EMPTY], packets: Vec::new() };
+        let mut index = Self { nodes: vec![Wide::EMPTY], packets: Vec::new(), numbers: Vec::new() };
         // The root has room for eight: one for each direction.
         for ids in facing.iter().filter(|ids| !ids.is_empty()) {
             let boxes: Vec<Aabb> = ids
@@ -105,6 +107,8 @@ impl RasterIndex {
                 let range = source.first_index as usize..(source.first_index + source.prim_count) as usize;
                 let leaf: Vec<u32> = bvh.primitive_indices[range].iter().map(|&i| ids[i as usize]).collect();
                 self.packets.extend(leaf.chunks(LANES).map(|ids| Packet::new(mesh, ids)));
+                let place = |ids: &[u32], lane: usize| ids[lane.min(ids.len() - 1)];
+                self.numbers.extend(leaf.chunks(LANES).map(|ids| std::array::from_fn(|lane| place(ids, lane))));
                 Child { first, packets: self.packets.len() as u32 - first }
             } else {
                 Child { first: self.regroup(mesh, ids, bvh, member), packets: 0 }
@@ -185,12 +189,17 @@ mod tests {
         {
             let mesh = Mesh::new(soup.0, soup.1).unwrap();
             let index = RasterIndex::build(&mesh);
-            let mut seen = 0;
+            let mut seen = Vec::new();
             for node in &index.nodes {
                 for lane in 0..node.len {
                     let child = node.child[lane];
-                    for packet in &index.packets[child.first as usize..][..child.packets as usize] {
-                        seen += packet.len;
+                    for place in child.first as usize..(child.first + child.packets) as usize {
+                        let (packet, numbers) = (&index.packets[place], &index.numbers[place]);
+                        for (lane, &number) in numbers.iter().enumerate().take(packet.len) {
+                            let corner = packet.corner[0].map(|axis| axis[lane]);
+                            assert_eq!(corner, mesh.corners(number as usize)[0].to_array());
+                            seen.push(number);
+                        }
                         for k in 0..3 {
                             for axis in 0..3 {
                                 let inside = node.low[axis][lane]..=node.high[axis][lane];
@@ -200,7 +209,8 @@ mod tests {
                     }
                 }
             }
-            assert_eq!(seen, mesh.triangles().len());
+            seen.sort_unstable();
+            assert!(seen.into_iter().eq(0..mesh.triangles().len() as u32));
         }
     }
 }

@@ -24,8 +24,8 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use dispatch::Scratch;
 use std::cell::RefCell;
-use std::sync::LazyLock;
 use view::View;
+pub(super) use view::nearest_whole;
 
 /// The depth camera of every rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,22 +41,38 @@ impl Sensor for DepthCamera {
     }
 }
 
-/// Asked once: the answer of the machine does not change.
-static BEST: LazyLock<InstructionSet> = LazyLock::new(InstructionSet::best);
-
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
 /// One depth image.
 pub fn render(index: &RasterIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
-    render_with(*BEST, index, camera, pose, out);
+    render_with(InstructionSet::best(), index, camera, pose, out);
 }
 
 /// One depth image by a chosen instruction set: the same bits, at another speed.
 pub fn render_with(set: InstructionSet, index: &RasterIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
     let view = View::new(camera, pose);
-    SCRATCH.with_borrow_mut(|scratch| set.draw(index, camera, &view, scratch, out));
+    SCRATCH.with_borrow_mut(|scratch| set.draw::<false>(index, camera, &view, scratch, &mut Vec::new(), out));
+}
+
+/// One depth image, the same bits, and in `triangles` the number in the mesh of what each pixel shows,
+/// [`NO_TRIANGLE`](super::NO_TRIANGLE) where it shows nothing.
+pub fn render_marked(index: &RasterIndex, camera: &Camera, pose: &Pose, out: &mut Frame, triangles: &mut Vec<u32>) {
+    render_marked_with(InstructionSet::best(), index, camera, pose, out, triangles);
+}
+
+/// The same by a chosen instruction set.
+pub fn render_marked_with(
+    set: InstructionSet,
+    index: &RasterIndex,
+    camera: &Camera,
+    pose: &Pose,
+    out: &mut Frame,
+    triangles: &mut Vec<u32>,
+) {
+    let view = View::new(camera, pose);
+    SCRATCH.with_borrow_mut(|scratch| set.draw::<true>(index, camera, &view, scratch, triangles, out));
 }
 
 /// The larger; the second if they do not compare. Unlike `f32::max`, one instruction.

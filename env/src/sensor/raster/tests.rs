@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::scene::{Mesh, RayIndex};
+use crate::sensor::NO_TRIANGLE;
 use crate::sensor::test_scenes::{CEILING, Dice, Soup, crate_box, rooms, terrain};
-use crate::sensor::trace::trace;
+use crate::sensor::trace::{trace, trace_marked};
 use glam::Vec3;
 use std::f32::consts::TAU;
 
@@ -137,6 +138,31 @@ fn open_scenes_have_pixels_without_a_surface() {
     render(&twin.raster, &Camera::default(), &pose, &mut frame);
     assert_eq!(frame.at(228, 0), None);
     assert!(frame.at(228, 255).is_some_and(|depth| depth < 4.0));
+}
+
+#[test]
+fn marking_triangles_changes_no_depth_and_agrees_with_rays() {
+    let scenes = [rooms(36.0, 2.2, 7), rooms(36.0, 0.48, 8), terrain(30.0, 0.5, 4000, 9)].map(twin);
+    let odd = Camera { width: 5, height: 61, ..Camera::default() };
+    for (twin, camera) in scenes.iter().zip([Camera::default(); 3]).chain([(&scenes[2], odd)]) {
+        let [mut plain, mut marked, mut shot] = [(); 3].map(|()| Frame::default());
+        let (mut drawn_marks, mut shot_marks) = (Vec::new(), Vec::new());
+        let (mut same, mut all) = (0, 0);
+        for pose in poses(4, Vec3::new(2.0, 1.0, 2.0), Vec3::new(28.0, 2.0, 28.0), 21) {
+            render(&twin.raster, &camera, &pose, &mut plain);
+            trace_marked(&twin.rays, &camera, &pose, &mut shot, &mut shot_marks);
+            for set in InstructionSet::available() {
+                render_marked_with(set, &twin.raster, &camera, &pose, &mut marked, &mut drawn_marks);
+                let bits = |frame: &Frame| frame.depth.iter().map(|d| d.to_bits()).collect::<Vec<_>>();
+                assert!(bits(&plain) == bits(&marked));
+                assert_eq!(drawn_marks.len(), camera.width * camera.height);
+                assert!(marked.depth.iter().zip(&drawn_marks).all(|(&d, &m)| (d > 0.0) == (m != NO_TRIANGLE)));
+                same += drawn_marks.iter().zip(&shot_marks).filter(|(a, b)| a == b).count();
+                all += drawn_marks.len();
+            }
+        }
+        assert!((all - same) * 1000 <= all, "{} of {all} differ", all - same);
+    }
 }
 
 #[test]

@@ -122,7 +122,7 @@ impl View {
 /// Adding 2²³ leaves no bits for a fraction. Unlike `as i32`, which must handle numbers out of range, this compiles to
 /// two vector instructions.
 #[inline(always)]
-pub(super) fn nearest_whole(x: f32) -> (i32, f32) {
+pub(in crate::sensor) fn nearest_whole(x: f32) -> (i32, f32) {
     const SHIFT: f32 = (1 << 23) as f32;
     let shifted = x + SHIFT;
     (shifted.to_bits().wrapping_sub(SHIFT.to_bits()) as i32, shifted - SHIFT)

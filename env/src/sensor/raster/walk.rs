@@ -34,7 +34,12 @@ impl Eq for Waiting {}
 
 /// Draws all that the view sees.
 #[inline(always)]
-pub(super) fn walk(index: &RasterIndex, view: &View, image: &mut Image, queue: &mut BinaryHeap<Waiting>) {
+pub(super) fn walk<const MARKED: bool>(
+    index: &RasterIndex,
+    view: &View,
+    image: &mut Image<'_, MARKED>,
+    queue: &mut BinaryHeap<Waiting>,
+) {
     queue.clear();
     open(index, view, 0, queue);
     while let Some(Waiting { child, extent }) = queue.pop() {
@@ -46,15 +51,21 @@ pub(super) fn walk(index: &RasterIndex, view: &View, image: &mut Image, queue: &
             open(index, view, child.first as usize, queue);
             continue;
         }
-        for packet in &index.packets[child.first as usize..][..child.packets as usize] {
-            draw(packet, view, image);
+        let places = child.first as usize..(child.first + child.packets) as usize;
+        for (packet, place) in index.packets[places.clone()].iter().zip(places) {
+            draw(packet, |lane| if MARKED { index.numbers[place][lane] } else { 0 }, view, image);
         }
     }
 }
 
 /// Draws the triangles of a packet that may be seen.
 #[inline(always)]
-fn draw(packet: &Packet, view: &View, image: &mut Image) {
+fn draw<const MARKED: bool>(
+    packet: &Packet,
+    number: impl Fn(usize) -> u32,
+    view: &View,
+    image: &mut Image<'_, MARKED>,
+) {
     let projected = view.project(packet);
     let (mut lanes, mut count) = ([(0, Extent::default()); LANES], 0);
     for lane in 0..packet.len.min(LANES) {
@@ -70,7 +81,7 @@ fn draw(packet: &Packet, view: &View, image: &mut Image) {
     let planes = view.planes(packet, &projected);
     for &(lane, extent) in &lanes[..count] {
         if let Some(triangle) = planes.triangle(lane, extent) {
-            image.draw(&triangle);
+            image.draw(&triangle, number(lane));
         }
     }
     image.refresh();
