@@ -132,18 +132,23 @@ const USUAL: std::ops::RangeInclusive<f32> = 2.0..=5.0;
 /// Metres in a unit other than the metre: centimetre, millimetre, inch, foot, the published AiMDoom meshes.
 const UNITS: [f32; 5] = [0.01, 0.001, 0.0254, 0.3048, 5.0];
 
-/// Metres in a unit: one, unless the rooms are absurd then. Also the height of the rooms in metres, by which that is told:
-/// the median over the plan of the largest free height.
+/// Metres in a unit: one, unless both the rooms and the whole mesh are absurd then. Also the height of the rooms in metres:
+/// the median over the plan of the largest free height, or that of the whole mesh where there is no ceiling.
 pub(super) fn scale(mesh: &Mesh, up: Up, given: Option<f32>) -> Result<(Assumed<f32>, f32), ImportError> {
     let [low, high] = mesh.bounds();
-    let height = Columns::of(&RayIndex::build(mesh), [low, high], 64).room_height().unwrap_or(high.y - low.y);
+    let whole = high.y - low.y;
+    let rooms = Columns::of(&RayIndex::build(mesh), [low, high], 64).room_height().unwrap_or(whole);
     if let Some(value) = given {
-        return Ok((Assumed { value, source: Source::Given, margin: f32::INFINITY }, height * value));
+        return Ok((Assumed { value, source: Source::Given, margin: f32::INFINITY }, rooms * value));
     }
-    let guessed = |value: f32| Ok((Assumed { value, source: Source::Guessed, margin: 1.0 }, height * value));
-    match UNITS.into_iter().find(|unit| USUAL.contains(&(height * unit))) {
-        _ if BELIEVED.contains(&height) => guessed(1.0),
-        Some(unit) => guessed(unit),
-        None => Err(ImportError::Scale { height, size: (high - low).to_array(), up: up.name() }),
+    let guessed =
+        |value: f32, height: f32| Ok((Assumed { value, source: Source::Guessed, margin: 1.0 }, height * value));
+    // In a scan without ceilings, only tables and the like have something above them.
+    if let Some(height) = [rooms, whole].into_iter().find(|height| BELIEVED.contains(height)) {
+        return guessed(1.0, height);
+    }
+    match UNITS.into_iter().find(|unit| USUAL.contains(&(rooms * unit))) {
+        Some(unit) => guessed(unit, rooms),
+        None => Err(ImportError::Scale { height: rooms, size: (high - low).to_array(), up: up.name() }),
     }
 }

@@ -13,6 +13,7 @@ use std::fmt;
 fn refuse(place: impl Into<String>, reason: impl ToString) -> ImportError {
     // Every level of the library repeats these words.
     let reason = reason.to_string().replace("Error while deserializing ply: ", "");
+    let reason = reason.replace("failed to fill whole buffer", "the file ends here: it is cut short");
     ImportError::syntax(Format::Ply, place, reason)
 }
 

@@ -9,7 +9,7 @@ use super::{Beside, Format, ImportError};
 use accessor::Buffers;
 use colour::Palette;
 use glam::{Affine3A, Mat4, Quat, Vec3};
-use schema::{Node, Primitive, Root};
+use schema::{Node, Primitive, Root, Versioned};
 
 /// Triangles that any file may expand to; instances make more of them than the file has bytes.
 const FREE_TRIANGLES: u64 = 1_000_000;
@@ -23,10 +23,12 @@ fn refuse(place: impl Into<String>, reason: impl ToString) -> ImportError {
 
 pub(super) fn read(bytes: &[u8], beside: &Beside<'_>) -> Result<Scan, ImportError> {
     let (json, binary) = schema::chunks(bytes)?;
-    let root: Root = serde_json::from_slice(json).map_err(|e| refuse("JSON", e))?;
-    if !root.asset.version.starts_with("2.") {
-        return Err(refuse("asset.version", format!("{:?} is not 2.0: export it as glTF 2.0", root.asset.version)));
+    // Version 1 has another schema, so this comes first.
+    let Versioned { asset } = serde_json::from_slice(json).map_err(|e| refuse("JSON", e))?;
+    if !asset.version.starts_with("2.") {
+        return Err(refuse("asset.version", format!("{:?} is not 2.0: export it as glTF 2.0", asset.version)));
     }
+    let root: Root = serde_json::from_slice(json).map_err(|e| refuse("JSON", e))?;
     let is_harmless =
         |name: &str| HARMLESS.iter().any(|prefix| name.starts_with(prefix)) || name == "KHR_mesh_quantization";
     if let Some(name) = root.extensions_required.iter().find(|name| !is_harmless(name)) {

@@ -1,7 +1,7 @@
 //! The part of the glTF 2.0 schema that a scan needs, and the GLB container around it.
 //!
-//! Read with `serde_json` rather than the `gltf` crate: that one turns on a feature of `serde_json` which would build Burn
-//! anew, and leaves the bounds of accessors and the shape of the node tree unchecked.
+//! Read with `serde_json` rather than the `gltf` crate, whose iterators trust the counts of a file and whose node tree may
+//! have cycles: what is left to do beside it is more than this page.
 
 use super::refuse;
 use crate::import::ImportError;
@@ -11,7 +11,6 @@ use serde::Deserialize;
 #[derive(Deserialize, Default)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Root {
-    pub(super) asset: Asset,
     pub(super) accessors: Vec<Accessor>,
     pub(super) buffer_views: Vec<BufferView>,
     pub(super) buffers: Vec<Buffer>,
@@ -23,6 +22,13 @@ pub(super) struct Root {
     pub(super) scenes: Vec<Scene>,
     pub(super) textures: Vec<Texture>,
     pub(super) extensions_required: Vec<String>,
+}
+
+/// All that every version has.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct Versioned {
+    pub(super) asset: Asset,
 }
 
 #[derive(Deserialize, Default)]

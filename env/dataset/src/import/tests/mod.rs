@@ -104,6 +104,17 @@ fn each_storey_is_a_scene() {
 }
 
 #[test]
+fn a_scan_without_a_ceiling_keeps_its_unit_and_its_inside() {
+    let mut house = House::two_rooms();
+    house.polygons.retain(|(corners, _)| corners.iter().any(|corner| corner.y < 2.6));
+    let (imported, assumed) = scenes(&house.ply(Some(true)), Format::Ply, &ImportOptions::default());
+    assert_eq!((assumed.up.value, assumed.scale.value, assumed.room_height), (Up::Y, 1.0, 2.6));
+    assert!(imported[0].report.open, "{:?}", imported[0].report);
+    let measured = measure(&scene(&imported[0]));
+    assert!(measured.positions >= 20 && (measured.floor_area_m2 - 54.0).abs() < 1.1, "{measured:?}");
+}
+
+#[test]
 fn concave_polygons_keep_their_area() {
     let mut house = House::default();
     let plan = [[0.0, 0.0], [9.0, 0.0], [9.0, 3.0], [4.0, 3.0], [4.0, 9.0], [0.0, 9.0]];
