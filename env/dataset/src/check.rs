@@ -9,7 +9,7 @@ use crate::stats::{connected_area, floor_area};
 use crate::visible::visible_share;
 use nbp_env::scene::load::{LoadError, find_scenes};
 use nbp_env::scene::settings::LATTICE_STEP;
-use nbp_env::scene::{Interior, LoadOptions, Mesh, Settings};
+use nbp_env::scene::{Appearance, Interior, LoadOptions, Mesh, Settings};
 use nbp_env::{Node, Scene};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -181,8 +181,10 @@ impl SceneFindings {
         for note in scene.notes() {
             found.warn("something is missing or left out", note);
         }
-        if scene.mesh().appearance().is_none() {
-            found.warn("there are no colours: depth is all that a camera sees", "neither image nor vertex colours");
+        let is_plain = |looks: &Appearance| looks.images.is_empty() && looks.paints.windows(2).all(|p| p[0] == p[1]);
+        if scene.mesh().appearance().is_none_or(is_plain) {
+            found
+                .warn("all faces have one colour: depth is all that a camera sees", "neither image nor vertex colours");
         }
         found.check_starts(&scene, raw.as_ref());
         // Files that name their unit were written by this toolkit, which closes all meshes but scans.

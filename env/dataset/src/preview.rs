@@ -59,7 +59,7 @@ pub fn sheet(tiles: &[Tile], side: usize, columns: usize, pixel: f32) -> Rgb {
         let room = side as f32 - 2.0 * PAD as f32;
         let caption = at + Vec2::new(PAD as f32, (side + 6) as f32);
         image.text(&fitted(&tile.name, 12.0, room), caption, 12.0, TITLE);
-        image.text(&fitted(&tile.facts, 9.0, room), caption + Vec2::new(0.0, 22.0), 9.0, FAINT);
+        image.text(&fitted(&tile.facts, 10.0, room), caption + Vec2::new(0.0, 22.0), 10.0, FAINT);
     }
     scale_bar(&mut image, pixel);
     image
