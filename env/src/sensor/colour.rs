@@ -155,7 +155,8 @@ struct Surface<'a> {
 impl<'a> Surface<'a> {
     #[inline(always)]
     fn new(mesh: &Mesh, appearance: &'a Appearance, eye: &Eye, triangle: usize) -> Self {
-        let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3() - eye.position);
+        let [a, b, c] = mesh.corners(triangle);
+        let [a, b, c] = [a.as_dvec3() - eye.position, b.as_dvec3() - eye.position, c.as_dvec3() - eye.position];
         // Along a ray, a corner's weight grows with the ray's side of the plane through the eye and the other two.
         let [bc, ca, ab] = [b.cross(c), c.cross(a), a.cross(b)];
         let mix = |[p, q, r]: [f64; 3]| {
@@ -179,7 +180,7 @@ impl<'a> Surface<'a> {
     /// The values at eight pixels from one on, given by its offsets from the optical axis.
     #[inline(always)]
     fn at(&self, offsets: [f32; 2]) -> [Lanes; 3] {
-        let [first, y] = offsets.map(f64::from);
+        let (first, y) = (f64::from(offsets[0]), f64::from(offsets[1]));
         let (mut share, mut out) = ([0.0; LANES], [[0.0; LANES]; 3]);
         let row = |linear: &Linear| linear[1] * y + linear[2];
         let weight = row(&self.weight);
@@ -199,7 +200,9 @@ impl<'a> Surface<'a> {
 #[inline(always)]
 fn channels(values: &[Lanes; 3], out: &mut [[u8; 3]]) {
     for (i, pixel) in out.iter_mut().enumerate().take(LANES) {
-        *pixel = [0, 1, 2].map(|n| (values[n][i] + 0.5) as u8);
+        for (channel, values) in pixel.iter_mut().zip(values) {
+            *channel = (values[i] + 0.5) as u8;
+        }
     }
 }
 
@@ -219,17 +222,35 @@ fn index(whole: f32, last: i32) -> i32 {
     nearest_whole(whole).0.clamp(0, last)
 }
 
+/// The texel of each coordinate.
+#[inline(always)]
+fn cells(at: &Lanes, side: usize) -> [i32; LANES] {
+    let mut cells = [0; LANES];
+    for (cell, texel) in cells.iter_mut().zip(&texels(at, side)) {
+        *cell = index(texel.floor(), side as i32 - 1);
+    }
+    cells
+}
+
+/// The texels before and after each coordinate, and the share of the latter in 1/256.
+#[inline(always)]
+fn neighbours(at: &Lanes, side: usize) -> [[i32; LANES]; 3] {
+    let (last, mut before, mut after, mut share) = (side as i32 - 1, [0; LANES], [0; LANES], [0; LANES]);
+    for (i, &texel) in texels(at, side).iter().enumerate() {
+        // Texels have their colours in their middles: from half a texel on, the next one begins to show.
+        let next = (texel + 0.5).floor();
+        let whole = index(next, last + 1);
+        before[i] = if whole == 0 { last } else { whole - 1 };
+        after[i] = if whole > last { 0 } else { whole };
+        share[i] = index((texel + 0.5 - next) * 256.0, 256);
+    }
+    [before, after, share]
+}
+
 /// The texels at image coordinates from the upper left corner.
 #[inline(always)]
 fn nearest(image: &Image, [right, down, _]: &[Lanes; 3], out: &mut [[u8; 3]]) {
-    let place = |at: &Lanes, side: usize| {
-        let mut places = [0; LANES];
-        for (place, texel) in places.iter_mut().zip(texels(at, side)) {
-            *place = index(texel.floor(), side as i32 - 1);
-        }
-        places
-    };
-    let (columns, rows) = (place(right, image.width), place(down, image.height));
+    let (columns, rows) = (cells(right, image.width), cells(down, image.height));
     for (i, pixel) in out.iter_mut().enumerate().take(LANES) {
         *pixel = image.pixels[rows[i] as usize * image.width + columns[i] as usize];
     }
@@ -238,26 +259,18 @@ fn nearest(image: &Image, [right, down, _]: &[Lanes; 3], out: &mut [[u8; 3]]) {
 /// The same from the four texels around, by shares of 1/256 along each axis.
 #[inline(always)]
 fn bilinear(image: &Image, [right, down, _]: &[Lanes; 3], out: &mut [[u8; 3]]) {
-    let place = |at: &Lanes, side: usize| {
-        let (last, mut before, mut after, mut share) = (side as i32 - 1, [0; LANES], [0; LANES], [0; LANES]);
-        for (i, texel) in texels(at, side).into_iter().enumerate() {
-            // Texels have their colours in their middles: from half a texel on, the next one begins to show.
-            let next = (texel + 0.5).floor();
-            let whole = index(next, last + 1);
-            before[i] = if whole == 0 { last } else { whole - 1 };
-            after[i] = if whole > last { 0 } else { whole };
-            share[i] = index((texel + 0.5 - next) * 256.0, 256);
-        }
-        (before, after, share)
-    };
-    let ((x0, x1, x), (y0, y1, y)) = (place(right, image.width), place(down, image.height));
+    let ([x0, x1, x], [y0, y1, y]) = (neighbours(right, image.width), neighbours(down, image.height));
     for (i, pixel) in out.iter_mut().enumerate().take(LANES) {
-        let texel = |x: i32, y: i32| image.pixels[y as usize * image.width + x as usize].map(u32::from);
-        let corners = [texel(x0[i], y0[i]), texel(x1[i], y0[i]), texel(x0[i], y1[i]), texel(x1[i], y1[i])];
+        let (upper, lower) = (y0[i] as usize * image.width, y1[i] as usize * image.width);
+        let (left, right) = (x0[i] as usize, x1[i] as usize);
+        let [a, b] = [&image.pixels[upper + left], &image.pixels[upper + right]];
+        let [c, d] = [&image.pixels[lower + left], &image.pixels[lower + right]];
         let (x, y) = (x[i] as u32, y[i] as u32);
-        let shares = [(256 - x) * (256 - y), x * (256 - y), (256 - x) * y, x * y];
-        let sum = |n: usize| (0..4).map(|k| shares[k] * corners[k][n]).sum::<u32>();
-        *pixel = [0, 1, 2].map(|n| ((sum(n) + (1 << 15)) >> 16) as u8);
+        let [p, q, r, s] = [(256 - x) * (256 - y), x * (256 - y), (256 - x) * y, x * y];
+        for (n, channel) in pixel.iter_mut().enumerate() {
+            let sum = p * u32::from(a[n]) + q * u32::from(b[n]) + r * u32::from(c[n]) + s * u32::from(d[n]);
+            *channel = ((sum + (1 << 15)) >> 16) as u8;
+        }
     }
 }
 
