@@ -14,7 +14,10 @@ pub(crate) const LARGEST: i64 = 1 << 28;
 const MAX_ROUNDS: usize = 24;
 
 /// Pieces after which a map is given up; the largest real maps have a hundred thousand.
-const MAX_PIECES: usize = 500_000;
+const MAX_PIECES: usize = 200_000;
+
+/// Pairs of pieces after which a map is given up, about 0.2 s; the largest real maps need a sixtieth.
+const MAX_PAIRS: usize = 1 << 26;
 
 /// Planar pieces of segments.
 #[derive(Debug, Clone, Default)]
@@ -47,10 +50,11 @@ pub(crate) fn arrange(segments: &[[Point; 2]]) -> Result<Arrangement, (Point, &'
     let numbered = segments.iter().zip(0..);
     let mut pieces: Vec<Piece> =
         numbered.filter(|([a, b], _)| a != b).map(|([a, b], n)| Piece::new(*a, *b, n)).collect();
+    let mut pairs = 0;
     for _ in 0..MAX_ROUNDS {
         pieces.sort_unstable();
         pieces.dedup();
-        let cuts = find_cuts(&pieces)?;
+        let cuts = find_cuts(&pieces, &mut pairs)?;
         if cuts.is_empty() {
             return Ok(collect(&pieces));
         }
@@ -59,8 +63,8 @@ pub(crate) fn arrange(segments: &[[Point; 2]]) -> Result<Arrangement, (Point, &'
     Err((pieces.first().map_or([0; 2], |piece| piece.ends[0]), "crossing lines do not settle on the grid"))
 }
 
-/// `(piece, point)` for every point at which a piece is to be cut.
-fn find_cuts(pieces: &[Piece]) -> Result<Vec<(usize, Point)>, (Point, &'static str)> {
+/// `(piece, point)` for every point at which a piece is to be cut; counts the pairs that were looked at.
+fn find_cuts(pieces: &[Piece], pairs: &mut usize) -> Result<Vec<(usize, Point)>, (Point, &'static str)> {
     let mut cuts = Vec::new();
     for (i, p) in pieces.iter().enumerate() {
         let y_range = |piece: &Piece| {
@@ -70,14 +74,18 @@ fn find_cuts(pieces: &[Piece]) -> Result<Vec<(usize, Point)>, (Point, &'static s
         let [low, high] = y_range(p);
         // Sorted by their left ends: no piece after the first that starts to the right can meet this one.
         for (j, q) in pieces.iter().enumerate().skip(i + 1).take_while(|(_, q)| q.ends[0][0] <= p.ends[1][0]) {
+            *pairs += 1;
             let [q_low, q_high] = y_range(q);
             if q_low > high || q_high < low || p.ends == q.ends {
                 continue;
             }
             meet(i, p, j, q, &mut cuts);
-            if cuts.len() > MAX_PIECES {
+            if pieces.len() + cuts.len() > MAX_PIECES {
                 return Err((p.ends[0], "too many lines cross each other"));
             }
+        }
+        if *pairs > MAX_PAIRS {
+            return Err((p.ends[0], "too many long lines lie side by side or on each other"));
         }
     }
     Ok(cuts)
@@ -182,7 +190,7 @@ mod tests {
                 .keys()
                 .map(|&[a, b]| Piece::new(arranged.points[a as usize], arranged.points[b as usize], 0))
                 .collect();
-            prop_assert!(find_cuts(&pieces).unwrap().is_empty());
+            prop_assert!(find_cuts(&pieces, &mut 0).unwrap().is_empty());
         }
     }
 }

@@ -95,8 +95,9 @@ impl LatticeGraph {
         pool.truncate(64.max(count));
         let mut chosen: Vec<Node> = pool.first().copied().into_iter().collect();
         while chosen.len() < count.min(pool.len()) {
+            let square = |from: i32, to: i32| i64::from(to - from).pow(2);
             let distance =
-                |node: &Node| chosen.iter().map(|c| (c.i - node.i).pow(2) + (c.k - node.k).pow(2)).min().unwrap_or(0);
+                |node: &Node| chosen.iter().map(|c| square(c.i, node.i) + square(c.k, node.k)).min().unwrap_or(0);
             let Some(&next) = pool.iter().max_by_key(|node| (distance(node), **node)) else { break };
             chosen.push(next);
         }

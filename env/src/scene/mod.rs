@@ -46,6 +46,19 @@ pub enum SceneError {
         /// What it should be.
         want: &'static str,
     },
+    /// Larger than any building, or too far away for `f32`.
+    #[error(
+        "scene {scene}: the mesh is {size:e} m across and reaches {distance:e} m from the origin, and {MAX_EXTENT} and \
+         {MAX_DISTANCE} m are the most: check the unit of its lengths (scene.metres_per_unit in settings.json)"
+    )]
+    Extent {
+        /// Scene name.
+        scene: String,
+        /// Largest side of its box, metres.
+        size: f32,
+        /// Largest coordinate, metres.
+        distance: f32,
+    },
     /// Nowhere to stand.
     #[error(
         "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane (camera.x_min[1] + 1.65 m) \
@@ -61,8 +74,15 @@ pub enum SceneError {
     },
 }
 
-/// Largest lattice that is accepted; a larger one means that the settings' units are wrong.
-const MAX_NODES: i64 = 4_000_000;
+/// Largest lattice that is accepted, a second's work; the largest map that Doom can hold has three quarters of it. A larger
+/// one means that the settings' units are wrong.
+const MAX_NODES: i64 = 1_000_000;
+
+/// Largest side of a mesh's box, metres. The largest map that Doom can hold has 1311.
+const MAX_EXTENT: f32 = 2000.0;
+
+/// Farthest coordinate, metres: `f32` still tells millimetres apart.
+const MAX_DISTANCE: f32 = 10_000.0;
 
 /// Everything that the simulator knows and the agent does not.
 #[derive(Debug)]
@@ -87,6 +107,11 @@ impl Scene {
     pub fn new(name: impl Into<String>, mesh: Mesh, settings: &Settings) -> Result<Self, SceneError> {
         let name = name.into();
         let lattice = lattice_of(&name, settings)?;
+        let [low, high] = mesh.bounds();
+        let (size, distance) = ((high - low).max_element(), low.abs().max(high.abs()).max_element());
+        if size > MAX_EXTENT || distance > MAX_DISTANCE {
+            return Err(SceneError::Extent { scene: name, size, distance });
+        }
         let scale = settings.scene.metres_per_unit;
         let rays = RayIndex::build(&mesh);
         let interior = if settings.scene.open { Interior::Open } else { Interior::Closed };
@@ -234,7 +259,7 @@ fn lattice_of(scene: &str, settings: &Settings) -> Result<Lattice, SceneError> {
     }
     if camera.pose_l < 1 || camera.pose_h < 1 || i64::from(camera.pose_l) * i64::from(camera.pose_h) > MAX_NODES {
         let value = format!("{} x {}", camera.pose_l, camera.pose_h);
-        return refuse("camera.pose_l x pose_h", value, "from 1 to 4,000,000 lattice nodes");
+        return refuse("camera.pose_l x pose_h", value, "from 1 to 1,000,000 lattice nodes");
     }
     if camera.pose_n_azim != HEADINGS as i32 {
         return refuse("camera.pose_n_azim", camera.pose_n_azim.to_string(), "8 headings");
@@ -366,6 +391,13 @@ mod tests {
         let error = Scene::new("bad", mesh.clone(), &settings).unwrap_err();
         assert!(error.to_string().contains("start_positions"), "{error}");
         settings.camera.start_positions.clear();
+        settings.scene.metres_per_unit = 1e30;
+        let error = Scene::new("bad", mesh.clone(), &settings).unwrap_err();
+        assert!(matches!(error, SceneError::NoFreePose { .. }), "the mesh is in metres: {error}");
+        settings.scene.metres_per_unit = 1.0;
+        let far = Mesh::new(vec![Vec3::ZERO, 5000.0 * Vec3::X, Vec3::Z], vec![[0, 1, 2]]).unwrap();
+        let error = Scene::new("bad", far, &settings).unwrap_err().to_string();
+        assert!(error.contains("5e3 m across") && error.contains("metres_per_unit"), "{error}");
         settings.camera.x_min[1] = 50.0;
         assert!(matches!(Scene::new("bad", mesh, &settings), Err(SceneError::NoFreePose { .. })));
     }

@@ -88,7 +88,7 @@ impl Settings {
     pub fn for_box(bounds: [Vec3; 2], floor: f32, first: Vec2) -> Self {
         let [low, high] = bounds;
         let origin = Vec3::new(low.x + first.x, floor, low.z + first.y);
-        let nodes = |from: f32, to: f32| (((to - from) / LATTICE_STEP).floor() as i32 + 1).max(1);
+        let nodes = |from: f32, to: f32| (((to - from) / LATTICE_STEP).floor() as i32).saturating_add(1).max(1);
         let (pose_l, pose_h) = (nodes(origin.x, high.x), nodes(origin.z, high.z));
         let last = origin + LATTICE_STEP * Vec3::new((pose_l - 1) as f32, 0.0, (pose_h - 1) as f32);
         Self {

@@ -45,6 +45,15 @@ pub enum ConvertError {
         /// The sector it was given to, or "none".
         sector: String,
     },
+    /// Walls in too many pieces.
+    #[error(
+        "map {map}: its mesh has more than {most} triangles: too many floors of different heights meet at one corner",
+        most = super::solid::MAX_FACES
+    )]
+    TooManyFaces {
+        /// Map.
+        map: String,
+    },
     /// The mesh is not valid.
     #[error("map {map}: {source}")]
     Mesh {

@@ -5,7 +5,7 @@
 
 use crate::doom_map::{DoomMap, LineDef};
 use crate::triangulate::{TriangulateError, Triangulation};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Crossings of linedefs are rounded to this share of a map unit.
 const SUBUNITS: u16 = 256;
@@ -123,17 +123,18 @@ fn choose(regions: &[Region]) -> Vec<Option<u32>> {
         })
         .collect();
     // Regions without a vote take over from the neighbour with the longest silent border, wave after wave.
-    loop {
+    let mut open: BTreeSet<usize> = (0..regions.len()).filter(|&index| choice[index].is_none()).collect();
+    while !open.is_empty() {
         let mut wave = Vec::new();
-        for (index, region) in regions.iter().enumerate().filter(|&(index, _)| choice[index].is_none()) {
-            let decided = region.silent.iter().filter_map(|(&n, length)| Some((choice[n as usize]?, length)));
+        for &index in open.iter().filter(|&&index| choice[index].is_none()) {
+            let silent = regions[index].silent.iter();
+            let decided = silent.filter_map(|(&n, length)| Some((choice[n as usize]?, length)));
             if let Some((sector, _)) = decided.max_by(|a, b| a.1.total_cmp(b.1)) {
                 wave.push((index, sector));
             }
         }
-        if wave.is_empty() {
-            break;
-        }
+        // Only next to the last wave can there be another one.
+        open = wave.iter().flat_map(|&(index, _)| regions[index].silent.keys().map(|&n| n as usize)).collect();
         for (index, sector) in wave {
             choice[index] = Some(sector);
         }

@@ -120,7 +120,7 @@ pub fn convert(map: &DoomMap, options: ConvertOptions<'_>) -> Result<SceneBundle
     let air: Vec<Air> = labelled.sector.iter().map(|sector| height((*sector)?)).collect();
     let no_space = || ConvertError::NoSpace { map: name(), linedefs: map.linedefs.len(), sectors: map.sectors.len() };
     let kept = solid::keep_largest(&labelled.plan, &air).ok_or_else(no_space)?;
-    let faces = solid::faces(&labelled.plan, &kept.air);
+    let faces = solid::faces(&labelled.plan, &kept.air).ok_or_else(|| ConvertError::TooManyFaces { map: name() })?;
     let site = Site { map, labelled: &labelled, heights: &open.heights, air: &kept.air };
     let (appearance, texture_problems) = paint(&site, &faces, options.textures);
     let origin = middle(&faces);

@@ -69,13 +69,15 @@ fn targets(map: &DoomMap) -> (BTreeSet<usize>, BTreeSet<usize>) {
         tagged.entry(sector.tag).or_default().push(index);
     }
     let (mut doors, mut floors) = (BTreeSet::new(), BTreeSet::new());
+    let mut pulled = BTreeSet::new();
     for line in &map.linedefs {
         let Some((effect, target)) = effect(line.special) else { continue };
-        let set = if effect == Effect::OpenDoor { &mut doors } else { &mut floors };
+        let is_door = effect == Effect::OpenDoor;
+        let set = if is_door { &mut doors } else { &mut floors };
         match target {
             Target::Back => set.extend(map.sector_of(line.back).map(|s| s as usize)),
             // Tag 0 means "every sector without a tag": a slip of the map's author, which the game ignores for doors.
-            Target::Tag if line.tag == 0 => {}
+            Target::Tag if line.tag == 0 || !pulled.insert((is_door, line.tag)) => {}
             Target::Tag => set.extend(tagged.get(&line.tag).into_iter().flatten()),
         }
     }

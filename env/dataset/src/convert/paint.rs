@@ -19,6 +19,9 @@ use std::collections::{BTreeMap, BTreeSet};
 const UNPEG_TOP: u16 = 8;
 const UNPEG_BOTTOM: u16 = 16;
 
+/// Most texels of all images of a map; real maps have a tenth of it.
+const MAX_TEXELS: usize = 1 << 25;
+
 /// Where no sky texture gives another.
 const SKY: [u8; 3] = [112, 146, 190];
 
@@ -100,6 +103,14 @@ impl Images<'_> {
         let found = self.textures.filter(|_| is_named(name)).and_then(|textures| {
             let found = if is_flat { textures.flat(name) } else { textures.wall(name) };
             found.map_err(|error| self.problems.insert(error.to_string())).ok()
+        });
+        let texels: usize = self.made.iter().chain(&found).map(|image| image.pixels.len()).sum();
+        let found = found.filter(|_| {
+            texels <= MAX_TEXELS || {
+                self.problems
+                    .insert(format!("{name} is left out: the map's textures have more than {MAX_TEXELS} texels"));
+                false
+            }
         });
         let number = self.made.len() as u32;
         self.made.push(found.unwrap_or_else(|| pattern::tile(name, is_flat)));

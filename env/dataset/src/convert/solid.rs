@@ -83,8 +83,12 @@ pub(crate) enum Part {
     Upper,
 }
 
-/// Floors, ceilings and walls of the kept air.
-pub(crate) fn faces(plan: &Triangulation, air: &[Air]) -> Faces {
+/// Most triangles of a mesh; the largest real maps have a hundred thousand. Where many floors of different heights meet at
+/// one corner, all walls there are cut at all of them.
+pub(crate) const MAX_FACES: usize = 500_000;
+
+/// Floors, ceilings and walls of the kept air; `None` when they have more than [`MAX_FACES`] triangles.
+pub(crate) fn faces(plan: &Triangulation, air: &[Air]) -> Option<Faces> {
     let mut faces = Faces::default();
     let columns = Columns::new(plan, air, &mut faces.vertices);
     for (triangle, (floor, ceiling)) in air.iter().enumerate().filter_map(|(t, a)| Some((t, (*a)?))) {
@@ -109,8 +113,11 @@ pub(crate) fn faces(plan: &Triangulation, air: &[Air]) -> Faces {
                 }
             }
         }
+        if faces.triangles.len() > MAX_FACES {
+            return None;
+        }
     }
-    faces
+    Some(faces)
 }
 
 impl Faces {
@@ -192,7 +199,7 @@ mod tests {
             .collect();
         let kept = keep_largest(&plan, &air).unwrap();
         assert_eq!((kept.area, kept.modal_floor, kept.plane_area), (20_000.0, 0, 20_000.0));
-        let mesh = faces(&plan, &kept.air);
+        let mesh = faces(&plan, &kept.air).unwrap();
         let mut edges: BTreeMap<(u32, u32), i32> = BTreeMap::new();
         for &[a, b, c] in &mesh.triangles {
             for (from, to) in [(a, b), (b, c), (c, a)] {

@@ -88,7 +88,8 @@ impl Wad {
             let end = offset + length;
             // Markers have no bytes, and writers put any offset there.
             if length < 0 || (length > 0 && (offset < 0 || end > size as i64)) {
-                return Err(WadError::LumpBounds { lump: name, index, offset, end, size });
+                let lump = if name.is_empty() { "without a name".into() } else { name };
+                return Err(WadError::LumpBounds { lump, index, offset, end, size });
             }
             lumps.push(Lump { name: name.to_ascii_uppercase(), offset: offset.max(0) as usize, size: length as usize });
         }

@@ -9,6 +9,7 @@
 //! compiler turns them into SIMD code for any target.
 
 use crate::scene::Mesh;
+use crate::scene::rays::unlike;
 use glam::{DVec3, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -25,6 +26,9 @@ pub(super) const LANES: usize = 16;
 /// Leaves that fill a packet: large ones cost little, because their triangles are tested side by side.
 const BUILD: BvhBuildParams =
     BvhBuildParams { max_prims_per_leaf: 16, collapse_traversal_cost: 64.0, ..BvhBuildParams::medium_build() };
+
+/// Share of the scene's size by which boxes are grown at most, to be [`unlike`] each other.
+const HAIR: f32 = 4e-6;
 
 /// Up to eight boxes.
 #[derive(Clone, Debug)]
@@ -79,6 +83,8 @@ impl RasterIndex {
             let axis = normal.abs().max_position();
             facing[2 * axis + usize::from(normal[axis] > 0.0)].push(id);
         }
+        let [low, high] = mesh.bounds();
+        let hair = low.abs().max(high.abs()).max_element() * HAIR;
         let mut index = Self { nodes: vec![Wide::EMPTY], packets: Vec::new(), numbers: Vec::new() };
         // The root has room for eight: one for each direction.
         for ids in facing.iter().filter(|ids| !ids.is_empty()) {
@@ -86,7 +92,8 @@ impl RasterIndex {
                 .iter()
                 .map(|&id| {
                     let [a, b, c] = mesh.corners(id as usize);
-                    Aabb::new(a.min(b).min(c).into(), a.max(b).max(c).into())
+                    let pad = Vec3::splat(hair * unlike(id));
+                    Aabb::new((a.min(b).min(c) - pad).into(), (a.max(b).max(c) + pad).into())
                 })
                 .collect();
             let bvh = build_bvh2(&boxes, BUILD, &mut Duration::default());
@@ -94,6 +101,19 @@ impl RasterIndex {
             index.nodes[0].add(bvh.nodes[0].aabb(), child);
         }
         index
+    }
+
+    /// Nodes from the root to the farthest leaf.
+    #[cfg(test)]
+    pub(crate) fn depth(&self) -> usize {
+        let mut depth = vec![1; self.nodes.len()];
+        // Children come after their parents.
+        for (place, node) in self.nodes.iter().enumerate() {
+            for child in node.child[..node.len].iter().filter(|child| child.packets == 0) {
+                depth[child.first as usize] = depth[place] + 1;
+            }
+        }
+        depth.into_iter().max().unwrap_or(0)
     }
 
     /// Copies the subtree under `top`, whose primitives are places in `ids`, and returns the place of its node.

@@ -139,11 +139,12 @@ impl Textures {
         let texture = self.walls.get(&name).map_or_else(unknown, Clone::clone)?;
         let [width, height] = texture.size.map(usize::from);
         let mut image = Image { width, height, pixels: vec![self.colour(0); width * height] };
+        let mut budget = 4 * MAX_TEXELS;
         for Placed { patch, at } in texture.patches {
             let Some(&lump) = self.lumps.get(&patch) else {
                 return Err(TextureError::Unknown { kind: "patch", name: patch });
             };
-            patch::draw(&self.bytes(lump), |column, row, index| {
+            patch::draw(&self.bytes(lump), &mut budget, |column, row, index| {
                 let [x, y] = [(column, at[0], width), (row, at[1], height)].map(|(texel, origin, side)| {
                     usize::try_from(texel as i64 + i64::from(origin)).ok().filter(|&texel| texel < side)
                 });

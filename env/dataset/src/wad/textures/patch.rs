@@ -5,8 +5,13 @@ use super::{Lump, MAX_SIDE, TextureError};
 /// Ends a column.
 const END: u8 = 255;
 
-/// Calls `put` with column, row and palette index for every texel of a patch.
-pub(super) fn draw(lump: &Lump<'_>, mut put: impl FnMut(usize, usize, u8)) -> Result<(), TextureError> {
+/// Calls `put` with column, row and palette index for every texel of a patch, while they are within `budget`, which they
+/// use up: columns may share their bytes, so small lumps can hold large patches.
+pub(super) fn draw(
+    lump: &Lump<'_>,
+    budget: &mut usize,
+    mut put: impl FnMut(usize, usize, u8),
+) -> Result<(), TextureError> {
     let [width, height] = [lump.u16(0, "a patch's width")?, lump.u16(2, "a patch's height")?];
     if [width, height].iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
         let problem =
@@ -30,6 +35,10 @@ pub(super) fn draw(lump: &Lump<'_>, mut put: impl FnMut(usize, usize, u8)) -> Re
             let length = usize::from(lump.take(at + 1, 1, "a post's length")?[0]);
             // A byte of padding lies before and after the texels.
             let texels = lump.take(at + 3, length, "a post's texels")?;
+            let Some(rest) = budget.checked_sub(1 + length) else {
+                return Err(lump.fail(at, "the texture's patches have more texels than any texture can show".into()));
+            };
+            *budget = rest;
             texels.iter().zip(row..usize::from(height)).for_each(|(&index, row)| put(column, row, index));
             top = Some(row);
             at += length + 4;
