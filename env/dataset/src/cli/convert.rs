@@ -36,6 +36,9 @@ pub(crate) struct Args {
     /// Draw tiles instead of the WAD's own textures.
     #[arg(long, conflicts_with = "textures")]
     no_textures: bool,
+    /// Scale walkable floors into ± 40 map units around their median, for hand-made maps with floors at many heights.
+    #[arg(long)]
+    relief: bool,
     /// Convert maps whose sectors contradict each other.
     #[arg(long)]
     force: bool,
@@ -141,7 +144,8 @@ fn own_textures(given: &[Arc<Wad>], wad: &Arc<Wad>, is_unwanted: bool) -> Result
 fn convert_one(job: &Job, args: &Args) -> Result<SceneBundle> {
     let mut map = job.wad.map(&job.map)?;
     map.name.clone_from(&job.name);
-    let mut scene = convert(&map, ConvertOptions { force: args.force, textures: job.textures.as_ref().as_ref() })?;
+    let options = ConvertOptions { force: args.force, relief: args.relief, textures: job.textures.as_ref().as_ref() };
+    let mut scene = convert(&map, options)?;
     scene.settings = args.units.of(scene.settings);
     write_scene(&scene, &args.out, args.replace)?;
     Ok(scene)
@@ -168,7 +172,7 @@ fn wad_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-const COLUMNS: [Column<SceneBundle>; 8] = [
+const COLUMNS: [Column<SceneBundle>; 9] = [
     Column { heading: "map m²", decimals: 0, value: |s| s.report.map_area },
     Column { heading: "floor m²", decimals: 0, value: |s| s.report.floor_area },
     Column { heading: "connected m²", decimals: 0, value: |s| s.report.plane_area },
@@ -176,5 +180,6 @@ const COLUMNS: [Column<SceneBundle>; 8] = [
     Column { heading: "triangles", decimals: 0, value: |s| s.report.triangles as f64 },
     Column { heading: "doors", decimals: 0, value: |s| s.report.doors as f64 },
     Column { heading: "lifts", decimals: 0, value: |s| s.report.lifts as f64 },
+    Column { heading: "relief", decimals: 2, value: |s| s.report.relief },
     Column { heading: "conflict m²", decimals: 2, value: |s| s.report.conflict_area },
 ];

@@ -1,6 +1,6 @@
 //! A Doom map becomes a scene: a closed mesh in metres and its settings.
 //!
-//! `DoomMap → open → label → solid → paint → Mesh + Settings`. World axes: `x = -x_doom`, `z = y_doom`, `y` is height, so that a
+//! `DoomMap → label → open → relief → solid → paint → Mesh + Settings`. World axes: `x = -x_doom`, `z = y_doom`, `y` is height, so that a
 //! map seen from above with `+z` up and `+x` left looks as it does in a map editor. The modal floor lies at `y = 0`, and
 //! the middle of the scene's plan at `x = z = 0` (rounded to map units).
 
@@ -9,6 +9,7 @@ mod label;
 mod open;
 mod paint;
 mod pattern;
+mod relief;
 mod solid;
 
 pub use error::ConvertError;
@@ -29,6 +30,9 @@ use solid::{Air, Faces};
 /// of the mesh, whose corners are whole numbers.
 pub const LATTICE_PHASE: [f64; 2] = [37.25, 37.375];
 
+/// Map units in which the camera passes, with some to spare; the lowest doors of the game are as high.
+pub(crate) const HEAD_ROOM: i32 = 72;
+
 /// Start positions in a scene (the paper tests five a scene).
 const STARTS: usize = 5;
 
@@ -40,6 +44,8 @@ const MAX_CONFLICT: f64 = 1.0;
 pub struct ConvertOptions<'a> {
     /// Convert maps whose sectors contradict each other over more than 1 m².
     pub force: bool,
+    /// Scale walkable floors towards their median, into ± 40 map units, for maps with floors at many heights.
+    pub relief: bool,
     /// Textures that the map names; without them, drawn tiles stand in.
     pub textures: Option<&'a Textures>,
 }
@@ -57,6 +63,8 @@ pub struct ConvertReport {
     pub conflict_area: f64,
     /// Modal floor, map units: `y = 0` of the scene.
     pub modal_floor: i32,
+    /// Factor on the relief of the walkable floors; 1 where it was not to be compressed, or needed none.
+    pub relief: f64,
     /// Sectors opened as doors.
     pub doors: usize,
     /// Sectors lowered as lifts or floors.
@@ -115,7 +123,8 @@ pub fn convert(map: &DoomMap, options: ConvertOptions<'_>) -> Result<SceneBundle
             sector: worst.sector.map_or("none".into(), |s| s.to_string()),
         });
     }
-    let open = open_heights(map);
+    let mut open = open_heights(map);
+    let relief = if options.relief { relief::compress(&labelled, &map.sectors, &mut open.heights) } else { 1.0 };
     let height = |sector: u32| open.heights.get(sector as usize).copied().filter(|(floor, ceiling)| ceiling > floor);
     let air: Vec<Air> = labelled.sector.iter().map(|sector| height((*sector)?)).collect();
     let no_space = || ConvertError::NoSpace { map: name(), linedefs: map.linedefs.len(), sectors: map.sectors.len() };
@@ -132,6 +141,7 @@ pub fn convert(map: &DoomMap, options: ConvertOptions<'_>) -> Result<SceneBundle
         plane_area: square_metres(kept.plane_area),
         conflict_area,
         modal_floor: kept.modal_floor,
+        relief,
         doors: open.doors,
         lifts: open.lifts,
         origin,

@@ -44,6 +44,7 @@ pub(crate) fn keep_largest(plan: &Triangulation, air: &[Air]) -> Option<Kept> {
     Some(Kept { all_area: areas.iter().sum(), area: areas[largest as usize], modal_floor, plane_area, air })
 }
 
+/// The part with the largest area, and the areas of all.
 fn largest_part(plan: &Triangulation, part: &[Option<u32>], count: u32) -> Option<(u32, Vec<f64>)> {
     let mut areas = vec![0.0; count as usize];
     for (triangle, part) in part.iter().enumerate() {
