@@ -1,9 +1,11 @@
 //! `dataset generate`.
 
-use super::{Column, Units, bar, print_table};
+use super::{Column, Units, bar, open_wads, print_table, tell_problems, textures};
 use anyhow::{Result, bail};
 use nbp_dataset::wad::{WadError, starts, to_bytes, to_playable};
-use nbp_dataset::{DoomMap, Generated, Level, WriteError, batch_seed, generate, write_scene_with};
+use nbp_dataset::{
+    ConvertOptions, DoomMap, Generated, Level, WriteError, batch_seed, convert, generate, write_scene_with,
+};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -38,6 +40,10 @@ pub(crate) struct Args {
     /// Write a playable Doom map beside each mesh.
     #[arg(long)]
     wad: bool,
+    /// WAD files with the textures that the maps name, the game's own first: freedoom2.wad or doom2.wad. Without, tiles are
+    /// drawn.
+    #[arg(long, value_name = "WAD")]
+    textures: Vec<PathBuf>,
     /// Unit of the files.
     #[arg(long, value_enum, default_value_t, value_name = "UNIT")]
     units: Units,
@@ -61,9 +67,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let (Some(folder), false) = (existing, args.replace) {
         return Err(WriteError::Exists(folder).into());
     }
+    let textures = textures(&open_wads(&args.textures)?)?;
     let bar = bar(args.count as usize, "generating");
     let one = |number: u64| -> Result<Generated> {
         let mut generated = generate(args.level, batch_seed(args.seed, number))?;
+        if textures.is_some() {
+            let options = ConvertOptions { textures: textures.as_ref(), ..ConvertOptions::default() };
+            generated.scene = convert(&generated.map, options)?;
+        }
         generated.scene.name = name_of(number);
         let mut extra = Vec::new();
         if args.wad {
@@ -81,6 +92,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let names: Vec<&str> = scenes.iter().map(|s| s.scene.name.as_str()).collect();
     print_table(&names, &scenes, &COLUMNS);
     eprintln!("{} scenes in {}", scenes.len(), args.out.display());
+    tell_problems(scenes.iter().map(|made| made.scene.report.texture_problems.as_slice()));
     Ok(())
 }
 

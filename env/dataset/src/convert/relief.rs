@@ -15,8 +15,10 @@ use std::collections::BTreeMap;
 const STEP: i32 = 24;
 const PLAYER: i32 = 56;
 
-/// Largest parts from which walks are tried.
+/// Parts from which walks are tried: as many of the largest, and at least this share of the largest one. Ledges, from which
+/// a player only drops, are none.
 const PARTS: usize = 8;
+const PART: f64 = 0.25;
 
 /// Half the height of the band, map units: less than the camera's 68.75 above the modal floor.
 const BAND: i32 = 40;
@@ -70,7 +72,10 @@ fn walkable(labelled: &LabelledPlan, original: &[Sector], heights: &[(i32, i32)]
     };
     let (part, count) = plan.flood(|t| passes(t, t), |t, _, n| passes(t, n) && passes(n, t));
     let mut areas = vec![0.0; count as usize];
-    part.iter().enumerate().filter_map(|(t, part)| Some((t, (*part)?))).for_each(|(t, p)| areas[p as usize] += plan.area(t));
+    part.iter()
+        .enumerate()
+        .filter_map(|(t, part)| Some((t, (*part)?)))
+        .for_each(|(t, p)| areas[p as usize] += plan.area(t));
     let mut order: Vec<u32> = (0..count).collect();
     order.sort_by(|&a, &b| areas[b as usize].total_cmp(&areas[a as usize]));
     let reached = |from: u32| {
@@ -88,7 +93,9 @@ fn walkable(labelled: &LabelledPlan, original: &[Sector], heights: &[(i32, i32)]
         }
         (area, is_reached)
     };
-    let best = order.into_iter().take(PARTS).map(reached).rev().max_by(|a, b| a.0.total_cmp(&b.0));
+    let largest = order.first().map_or(0.0, |&part| areas[part as usize]);
+    let starts = order.into_iter().take(PARTS).filter(|&part| areas[part as usize] >= PART * largest);
+    let best = starts.map(reached).max_by(|a, b| a.0.total_cmp(&b.0));
     let is_reached = best.map(|(_, is_reached)| is_reached).unwrap_or_default();
     let mut floors: BTreeMap<u32, (i32, f64)> = BTreeMap::new();
     for triangle in (0..is_reached.len()).filter(|&t| is_reached[t]) {
