@@ -120,13 +120,22 @@ fn freedoom_maps_convert() {
     assert_eq!(rows.len(), 68);
     let wads = ["freedoom1", "freedoom2"]
         .map(|name| Wad::open(&folder.join(format!("freedoom/{name}_maps_textures.wad"))).unwrap());
-    rows.par_iter().for_each(|row| {
+    let measure = |row: &BTreeMap<String, String>| {
         let wad = &wads[usize::from(row["wad"] == "freedoom2.wad")];
         let map = wad.map(&row["map"]).unwrap();
-        let scene = convert(&map, ConvertOptions::default()).unwrap();
-        let floor = number(row, "floor_area_m2");
-        assert!((scene.report.map_area - floor).abs() < 0.01 * floor, "{row:?}: {} m²", scene.report.map_area);
-    });
+        let ratio = |relief: bool| {
+            let report = convert(&map, ConvertOptions { relief, ..ConvertOptions::default() }).unwrap().report;
+            (report.plane_area / report.map_area, report.map_area)
+        };
+        let ((plane, area), floor) = (ratio(false), number(row, "floor_area_m2"));
+        // The prototype left ceilings down that a player can raise: hidden rooms of E2M8.
+        assert!((0.99..1.03).contains(&(area / floor)), "{row:?}: {area} m²");
+        (row["recommended"] == "1").then(|| [plane, ratio(true).0])
+    };
+    let recommended: Vec<[f64; 2]> = rows.par_iter().filter_map(measure).collect();
+    let [plane, pressed] = [0, 1].map(|n| recommended.iter().map(|r| r[n]).sum::<f64>() / recommended.len() as f64);
+    println!("share of the floor reached by the plane: {plane:.3}, with the relief compressed {pressed:.3}");
+    assert!(plane > 0.5 && pressed > 0.8, "{plane} {pressed}");
 }
 
 #[test]

@@ -3,11 +3,10 @@
 //! Whatever a player can trigger counts as triggered. What closes, rises or crushes is left as it was: stairs and bridges
 //! that would rise, crushers, doors that shut. Types are those of Doom 2 and Boom ("Boom reference", sections 6 to 15).
 
-use super::HEAD_ROOM;
 use crate::doom_map::{DoomMap, LineDef};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// An open door hangs this far below the lowest ceiling next to it, or less where the camera would not pass.
+/// An open door hangs this far below the lowest ceiling next to it.
 const DOOR_GAP: i32 = 4;
 
 /// Sector type "opens five minutes after the start".
@@ -79,7 +78,7 @@ pub fn open_heights(map: &DoomMap) -> OpenHeights {
                 let outside = neighbours[sector].iter().filter(|&&n| !doors.contains(&(n as usize)));
                 let lowest = outside.map(|&n| map.sectors[n as usize].ceiling).min();
                 let lowest = lowest.or_else(|| around().map(|s| s.ceiling).max());
-                (None, lowest.map(|ceiling| (ceiling - DOOR_GAP).max(ceiling.min(here.floor + HEAD_ROOM))))
+                (None, lowest.map(|ceiling| ceiling - DOOR_GAP))
             }
             Effect::Floor(level) => (level.of(here.floor, -1, around().map(|s| s.floor)), None),
             Effect::Ceiling(level) => (None, level.of(here.ceiling, 1, around().map(|s| s.ceiling))),
