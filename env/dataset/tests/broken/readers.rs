@@ -23,7 +23,8 @@ pub fn wad(_: &Path, bytes: &[u8]) -> Result<(), String> {
     let maps = wad.maps();
     let map = wad.map(maps.first().copied().unwrap_or("MAP01")).map_err(told)?;
     let textures = Textures::read(std::slice::from_ref(&wad)).map_err(told)?;
-    let options = ConvertOptions { force: bytes.len() % 2 == 1, textures: textures.as_ref() };
+    let options =
+        ConvertOptions { force: bytes.len() % 2 == 1, relief: bytes.len() % 3 == 1, textures: textures.as_ref() };
     let bundle = convert(&map, options).map_err(told)?;
     use_scene(&to_scene(bundle).map_err(told)?);
     Ok(())
