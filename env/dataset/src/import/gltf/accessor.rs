@@ -1,9 +1,11 @@
 //! Numbers out of glTF buffers, every bound checked.
 
 use super::refuse;
-use super::schema::{Accessor, Root};
 use crate::import::{Beside, ImportError};
 use base64::Engine as _;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::validation::Checked;
+use gltf::json::{Accessor, Buffer, Root};
 use std::borrow::Cow;
 
 /// The document with its buffers.
@@ -15,7 +17,7 @@ pub(super) struct Buffers<'a> {
 impl<'a> Buffers<'a> {
     /// Fetches all buffers: the binary chunk, data inside the document, files beside it.
     pub(super) fn fetch(root: &'a Root, binary: Option<&'a [u8]>, beside: &Beside<'_>) -> Result<Self, ImportError> {
-        let fetch = |(number, buffer): (usize, &'a super::schema::Buffer)| match (&buffer.uri, binary) {
+        let fetch = |(number, buffer): (usize, &'a Buffer)| match (&buffer.uri, binary) {
             (Some(uri), _) => fetch(uri, beside).map(Cow::Owned),
             (None, Some(binary)) if number == 0 => Ok(Cow::Borrowed(binary)),
             (None, _) => Err(refuse(format!("buffer {number}"), "it has neither a uri nor a binary chunk")),
@@ -27,31 +29,34 @@ impl<'a> Buffers<'a> {
     pub(super) fn view(&self, number: usize) -> Result<(&[u8], Option<usize>), ImportError> {
         let place = || format!("buffer view {number}");
         let view = self.root.buffer_views.get(number).ok_or_else(|| refuse(place(), "there is none of this number"))?;
-        let buffer = self.buffers.get(view.buffer).ok_or_else(|| refuse(place(), "its buffer does not exist"))?;
-        let end = view.byte_offset.saturating_add(view.byte_length);
-        let bytes = buffer.get(view.byte_offset..end).ok_or_else(|| {
+        let buffer =
+            self.buffers.get(view.buffer.value()).ok_or_else(|| refuse(place(), "its buffer does not exist"))?;
+        let begin = view.byte_offset.map_or(0, |offset| offset.0 as usize);
+        let end = begin.saturating_add(view.byte_length.0 as usize);
+        let bytes = buffer.get(begin..end).ok_or_else(|| {
             refuse(place(), format!("it ends at byte {end} of a buffer of {}: the file is cut short", buffer.len()))
         })?;
-        Ok((bytes, view.byte_stride))
+        Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 
     /// The items of an accessor of `N` components as floating-point numbers; integers that are normalized become shares.
     pub(super) fn floats<const N: usize>(&self, number: usize) -> Result<Vec<[f32; N]>, ImportError> {
-        let (accessor, width, items) = self.items(number, N)?;
-        let scale = match (accessor.normalized, accessor.component_type) {
-            (true, 5120) => 127.0,
-            (true, 5121) => 255.0,
-            (true, 5122) => 32767.0,
-            (true, 5123) => 65535.0,
+        let (accessor, kind, items) = self.items(number, N)?;
+        let width = kind.size();
+        let scale = match (accessor.normalized, kind) {
+            (true, ComponentType::I8) => 127.0,
+            (true, ComponentType::U8) => 255.0,
+            (true, ComponentType::I16) => 32767.0,
+            (true, ComponentType::U16) => 65535.0,
             _ => 1.0,
         };
-        let component = |bytes: &[u8]| match *bytes {
-            [a] if accessor.component_type == 5120 => f32::from(a as i8),
-            [a] => f32::from(a),
-            [a, b] if accessor.component_type == 5122 => f32::from(i16::from_le_bytes([a, b])),
-            [a, b] => f32::from(u16::from_le_bytes([a, b])),
-            [a, b, c, d] if accessor.component_type == 5126 => f32::from_le_bytes([a, b, c, d]),
-            [a, b, c, d] => u32::from_le_bytes([a, b, c, d]) as f32,
+        let component = |bytes: &[u8]| match (kind, bytes) {
+            (ComponentType::I8, &[a]) => f32::from(a as i8),
+            (ComponentType::U8, &[a]) => f32::from(a),
+            (ComponentType::I16, &[a, b]) => f32::from(i16::from_le_bytes([a, b])),
+            (ComponentType::U16, &[a, b]) => f32::from(u16::from_le_bytes([a, b])),
+            (ComponentType::U32, &[a, b, c, d]) => u32::from_le_bytes([a, b, c, d]) as f32,
+            (ComponentType::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
             _ => f32::NAN,
         };
         let item = |bytes: &[u8]| std::array::from_fn(|n| component(&bytes[n * width..][..width]) / scale);
@@ -60,8 +65,8 @@ impl<'a> Buffers<'a> {
 
     /// The items of an accessor of indices.
     pub(super) fn indices(&self, number: usize) -> Result<Vec<u32>, ImportError> {
-        let (accessor, _, items) = self.items(number, 1)?;
-        if !matches!(accessor.component_type, 5121 | 5123 | 5125) {
+        let (_, kind, items) = self.items(number, 1)?;
+        if !matches!(kind, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
             return Err(refuse(format!("accessor {number}"), "indices must be unsigned integers"));
         }
         Ok(items.map(|item| item.iter().rev().fold(0, |sum, &byte| sum << 8 | u32::from(byte))).collect())
@@ -69,51 +74,50 @@ impl<'a> Buffers<'a> {
 
     /// Number of components of an accessor.
     pub(super) fn components(&self, number: usize) -> Option<usize> {
-        components(&self.root.accessors.get(number)?.kind)
+        components(self.root.accessors.get(number)?)
     }
 
-    /// The accessor, the bytes of a component, and the bytes of each item.
+    /// The accessor, the kind of its components, and the bytes of each item.
     fn items(
         &self,
         number: usize,
         components_wanted: usize,
-    ) -> Result<(&Accessor, usize, impl Iterator<Item = &[u8]>), ImportError> {
+    ) -> Result<(&Accessor, ComponentType, impl Iterator<Item = &[u8]>), ImportError> {
         let refuse = |reason: &str| refuse(format!("accessor {number}"), reason);
         let accessor = self.root.accessors.get(number).ok_or_else(|| refuse("there is none of this number"))?;
-        if components(&accessor.kind) != Some(components_wanted) {
-            return Err(refuse(&format!("it is a {:?}, but {components_wanted} components are needed", accessor.kind)));
+        if components(accessor) != Some(components_wanted) {
+            return Err(refuse(&format!(
+                "it is a {:?}, but {components_wanted} components are needed",
+                accessor.type_
+            )));
         }
-        let width = match accessor.component_type {
-            5120 | 5121 => 1,
-            5122 | 5123 => 2,
-            5125 | 5126 => 4,
-            other => return Err(refuse(&format!("component type {other} does not exist"))),
+        let Checked::Valid(kind) = accessor.component_type else {
+            return Err(refuse("its component type does not exist"));
         };
         let (Some(view), None) = (accessor.buffer_view, &accessor.sparse) else {
             return Err(refuse("it is sparse or has no buffer view: export the mesh without sparse accessors"));
         };
-        let (bytes, stride) = self.view(view)?;
-        let size = width * components_wanted;
+        let (bytes, stride) = self.view(view.value())?;
+        let size = kind.0.size() * components_wanted;
         let stride = stride.unwrap_or(size).max(size);
-        let bytes = bytes.get(accessor.byte_offset..).unwrap_or_default();
+        let bytes = bytes.get(accessor.byte_offset.map_or(0, |offset| offset.0 as usize)..).unwrap_or_default();
         // The last item needs no full stride.
         let available = if bytes.len() < size { 0 } else { (bytes.len() - size) / stride + 1 };
-        if accessor.count > available {
-            return Err(refuse(&format!("it has {} items, its buffer view holds {available}", accessor.count)));
+        let count = accessor.count.0 as usize;
+        if count > available {
+            return Err(refuse(&format!("it has {count} items, its buffer view holds {available}")));
         }
-        let items = (0..accessor.count).map(move |n| &bytes[n * stride..][..size]);
-        Ok((accessor, width, items))
+        let items = (0..count).map(move |n| &bytes[n * stride..][..size]);
+        Ok((accessor, kind.0, items))
     }
 }
 
-fn components(kind: &str) -> Option<usize> {
-    Some(match kind {
-        "SCALAR" => 1,
-        "VEC2" => 2,
-        "VEC3" => 3,
-        "VEC4" => 4,
-        _ => return None,
-    })
+/// Components of a vector; matrices are not used for what is read.
+fn components(accessor: &Accessor) -> Option<usize> {
+    match accessor.type_ {
+        Checked::Valid(kind @ (Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4)) => Some(kind.multiplicity()),
+        _ => None,
+    }
 }
 
 /// The bytes behind a uri: data inside it, or a file beside the document.

@@ -4,10 +4,13 @@
 //! factor stands in for it.
 
 use super::accessor::{Buffers, fetch};
-use super::schema::{Primitive, Root, TextureTransform};
 use crate::import::scan::Scan;
 use crate::import::{Beside, ImportError};
 use glam::{Vec2, Vec3};
+use gltf::json::Root;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::mesh::{Primitive, Semantic};
+use gltf::json::validation::Checked;
 use nbp_env::scene::{Image, Paint};
 use std::collections::BTreeMap;
 
@@ -43,23 +46,25 @@ impl<'a> Palette<'a> {
     /// The colours of a primitive with `count` vertices.
     pub(super) fn paint(&mut self, primitive: &Primitive, count: usize) -> Result<PrimitivePaint, ImportError> {
         let root = self.root;
-        let material = primitive.material.and_then(|number| root.materials.get(number));
-        let [r, g, b, _] = material.map_or([1.0; 4], |m| m.pbr_metallic_roughness.base_color_factor);
+        let material = primitive.material.and_then(|number| root.materials.get(number.value()));
+        let [r, g, b, _] = material.map_or([1.0; 4], |m| m.pbr_metallic_roughness.base_color_factor.0);
         let factor = Vec3::new(r, g, b);
         let mut paint = PrimitivePaint { image: None, uv: None, colours: Vec::new(), flat: srgb(factor) };
         if let Some(texture) = material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref()) {
-            let transform = texture.extensions.transform.as_ref();
+            let transform = texture.extensions.as_ref().and_then(|e| e.texture_transform.as_ref());
             let set = transform.and_then(|t| t.tex_coord).unwrap_or(texture.tex_coord);
-            let coordinates = primitive.attributes.get(&format!("TEXCOORD_{set}"));
-            if let (Some(image), Some(&coordinates)) = (self.image(texture.index, factor), coordinates) {
-                let uv = self.buffers.floats::<2>(coordinates)?;
+            let coordinates = primitive.attributes.get(&Checked::Valid(Semantic::TexCoords(set)));
+            if let (Some(image), Some(coordinates)) = (self.image(texture.index.value(), factor), coordinates) {
+                let uv = self.buffers.floats::<2>(coordinates.value())?;
                 if uv.len() >= count && uv.iter().flatten().all(|c| c.is_finite()) {
                     paint.image = Some(image);
                     paint.uv = Some(uv.into_iter().map(|uv| place(uv.into(), transform)).collect());
                 }
             }
         }
-        if let (None, Some(&colours)) = (paint.image, primitive.attributes.get("COLOR_0")) {
+        let colours = primitive.attributes.get(&Checked::Valid(Semantic::Colors(0)));
+        if let (None, Some(colours)) = (paint.image, colours) {
+            let colours = colours.value();
             let linear: Vec<Vec3> = match self.buffers.components(colours) {
                 Some(4) => self.buffers.floats::<4>(colours)?.iter().map(|c| Vec3::new(c[0], c[1], c[2])).collect(),
                 _ => self.buffers.floats::<3>(colours)?.into_iter().map(Vec3::from).collect(),
@@ -94,11 +99,14 @@ impl<'a> Palette<'a> {
 
     fn decode(&self, texture: usize) -> Result<Image, String> {
         let texture = self.root.textures.get(texture).ok_or("there is none of this number")?;
-        let source = texture.source.ok_or("its image is in an extension that is not read (Basis, WebP)")?;
-        let image = self.root.images.get(source).ok_or("its image does not exist")?;
+        // The crate's word for "no source".
+        if texture.source.value() == u32::MAX as usize {
+            return Err("its image is in an extension that is not read (Basis, WebP)".into());
+        }
+        let image = self.root.images.get(texture.source.value()).ok_or("its image does not exist")?;
         let bytes = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => fetch(uri, self.beside).map_err(|e| e.to_string())?,
-            (None, Some(view)) => self.buffers.view(view).map_err(|e| e.to_string())?.0.to_vec(),
+            (None, Some(view)) => self.buffers.view(view.value()).map_err(|e| e.to_string())?.0.to_vec(),
             (None, None) => return Err("its image has no data".into()),
         };
         Image::decode(&bytes).map_err(|e| e.to_string())
@@ -117,9 +125,9 @@ impl<'a> Palette<'a> {
 /// glTF counts `v` downwards from the top.
 fn place(uv: Vec2, transform: Option<&TextureTransform>) -> Vec2 {
     let uv = transform.map_or(uv, |t| {
-        let scaled = uv * Vec2::from(t.scale);
-        let (sin, cos) = t.rotation.sin_cos();
-        Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x) + Vec2::from(t.offset)
+        let scaled = uv * Vec2::from(t.scale.0);
+        let (sin, cos) = t.rotation.0.sin_cos();
+        Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x) + Vec2::from(t.offset.0)
     });
     Vec2::new(uv.x, 1.0 - uv.y)
 }

@@ -235,14 +235,15 @@ fn refusals_say_what_and_where() {
     assert!(text(points.as_bytes(), Format::Ply).contains("not a cloud of points"));
     let glb = house.glb();
     let told = text(&glb[..glb.len() - 9], Format::Gltf);
-    assert!(told.contains("GLB chunk at byte") && told.contains("cut short"), "{told}");
+    assert!(told.contains("GLB header") && told.contains("cut short"), "{told}");
     let json = |from: &str, to: &str| {
         let text = String::from_utf8_lossy(&glb[20..20 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize]);
         let json = text.replacen(from, to, 1);
         assert_ne!(json, text, "{from}");
         let data = &glb[20 + text.len() + 8..];
         let chunk = |kind: &[u8; 4], data: &[u8]| [&(data.len() as u32).to_le_bytes()[..], kind, data].concat();
-        [b"glTF", &2_u32.to_le_bytes()[..], &[0; 4], &chunk(b"JSON", json.as_bytes()), &chunk(b"BIN\0", data)].concat()
+        let body = [chunk(b"JSON", json.as_bytes()), chunk(b"BIN\0", data)].concat();
+        [b"glTF", &2_u32.to_le_bytes()[..], &(body.len() as u32 + 12).to_le_bytes(), &body].concat()
     };
     for (from, to, want) in [
         (r#""children":[1,2]"#, r#""children":[1,2,0]"#, "node 0: it is reached twice"),
