@@ -1,4 +1,6 @@
 //! MTL files: the colours and images that the faces of an OBJ file name.
+//!
+//! Not with `tobj`, whose MTL reader panics on a `Kd` of one number and knows no options of `map_Kd`.
 
 use glam::Vec2;
 

@@ -1,6 +1,7 @@
 //! OBJ files: triangles and, when asked for, their colours from vertices, MTL materials and images.
 //!
-//! Polygons of any shape become triangles. Points, lines, curves, normals and names are left out.
+//! `tobj` reads the statements; polygons of any shape become triangles here, and [`explain`] finds the line of a fault.
+//! Points, lines, curves, normals and names are left out.
 
 use super::appearance::{Appearance, Image, Paint};
 use super::image::ImageError;
@@ -9,7 +10,7 @@ use super::polygon::{MAX_CORNERS, triangulate};
 use super::{Mesh, MeshError};
 use glam::{Vec2, Vec3};
 use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -38,6 +39,14 @@ pub enum ObjError {
         /// From 1.
         line: usize,
         /// What was expected and what was found.
+        reason: String,
+    },
+    /// A file that is refused as a whole.
+    #[error("{path} is not a readable OBJ file: {reason}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The reader's reason.
         reason: String,
     },
     /// A texture that is not there.
@@ -73,7 +82,7 @@ pub enum ObjError {
 /// What an OBJ file holds, in its own units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Obj {
-    /// All vertices, used or not.
+    /// Vertices in use, those on the border of two parts of the file once for each.
     pub vertices: Vec<Vec3>,
     /// Corner indices, in the order of the faces.
     pub triangles: Vec<[u32; 3]>,
@@ -102,7 +111,7 @@ impl Obj {
     /// # Errors
     /// As [`Obj::read`].
     pub fn parse(path: &Path, bytes: &[u8], colour: bool) -> Result<Self, ObjError> {
-        Statements::parse(path, bytes, colour)?.build(path, colour)
+        build(path, &String::from_utf8_lossy(bytes), colour)
     }
 
     /// The mesh, in metres.
@@ -119,152 +128,211 @@ impl Obj {
     }
 }
 
-/// An index from 1, or from the end if negative, made from 0: checked when all vertices are known.
-type Corner = (usize, Option<usize>);
+/// How `tobj` is to read: polygons are cut here, because it fans concave ones, too.
+const OPTIONS: tobj::LoadOptions =
+    tobj::LoadOptions { single_index: false, triangulate: false, ignore_points: true, ignore_lines: true };
 
-struct Face {
-    line: usize,
-    /// The first of its corners; they end where those of the next face begin.
-    first: usize,
-    material: Option<u32>,
+/// Lines with their numbers from 1: a backslash at its end continues a line, `#` ends a statement of numbers.
+fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut lines = text.split('\n').enumerate();
+    std::iter::from_fn(move || {
+        let (mut number, first) = lines.next()?;
+        let mut whole = Cow::Borrowed(first.trim());
+        while let Some(part) = whole.strip_suffix('\\') {
+            let part = format!("{part} ");
+            let Some((next, line)) = lines.next() else {
+                whole = part.into();
+                break;
+            };
+            (number, whole) = (next, (part + line.trim()).into());
+        }
+        let has_numbers = ["v", "vt", "f"].contains(&whole.split_whitespace().next().unwrap_or_default());
+        if let (true, Some((statement, _))) = (has_numbers, whole.split_once('#')) {
+            whole = statement.trim_end().to_owned().into();
+        }
+        Some((number + 1, whole))
+    })
 }
 
-/// The statements of a file.
+/// The statements as `tobj` wants them: it counts colours apart from vertices, so every vertex gets one or none does.
+fn plain(text: &str, colour: bool) -> String {
+    let is_coloured = |line: &str| line.starts_with("v ") && line.split_whitespace().nth(6).is_some();
+    let has_colours = colour && statements(text).any(|(_, line)| is_coloured(&line));
+    let mut plain = String::with_capacity(text.len() + 1);
+    for (_, line) in statements(text) {
+        match line.strip_prefix("v ").map(|rest| (rest, rest.split_whitespace().count())) {
+            // NaN is the colour of a vertex without one.
+            Some((rest, ..=5)) if has_colours => {
+                plain.push('v');
+                rest.split_whitespace().take(3).for_each(|word| plain.extend([" ", word]));
+                plain.push_str(" nan nan nan");
+            }
+            Some((rest, count)) if count > 4 => {
+                plain.push('v');
+                let kept = if has_colours { 6 } else { 3 };
+                rest.split_whitespace().take(kept).for_each(|word| plain.extend([" ", word]));
+            }
+            _ => plain.push_str(&line),
+        }
+        plain.push('\n');
+    }
+    plain
+}
+
+/// What a file names beside itself.
 #[derive(Default)]
-struct Statements {
-    vertices: Vec<Vec3>,
-    /// Empty, or one for each vertex; NaN where it has none.
-    colours: Vec<Vec3>,
-    texture: Vec<Vec2>,
-    corners: Vec<Corner>,
-    faces: Vec<Face>,
-    /// Materials in use by name, numbered in order of appearance.
+struct Names {
+    /// Materials in use, numbered in order of appearance.
     materials: BTreeMap<String, u32>,
     libraries: BTreeSet<String>,
 }
 
-impl Statements {
-    fn parse(path: &Path, bytes: &[u8], colour: bool) -> Result<Self, ObjError> {
-        let mut found = Self::default();
-        let mut material = None;
-        let mut carried = String::new();
-        for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
-            let line = String::from_utf8_lossy(line);
-            // A backslash at its end continues a line.
-            if let Some(part) = line.trim_end().strip_suffix('\\') {
-                carried.push_str(part);
-                carried.push(' ');
-                continue;
-            }
-            let whole = if carried.is_empty() { line } else { Cow::Owned(std::mem::take(&mut carried) + &line) };
-            let (key, rest) = whole.trim().split_once(char::is_whitespace).unwrap_or((whole.trim(), ""));
-            let refuse = |reason: String| ObjError::Line { path: path.into(), line: number + 1, reason };
+impl Names {
+    fn of(text: &str) -> Self {
+        let mut names = Self::default();
+        for (_, line) in statements(text) {
+            let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
             match key {
-                "v" => found.vertex(rest, colour).map_err(refuse)?,
-                "vt" if colour => {
-                    let [u, v] = numbers::<2>(rest, 1).ok_or_else(|| {
-                        refuse(format!("a texture coordinate needs finite numbers, found {:?}", excerpt(rest)))
-                    })?;
-                    found.texture.push(Vec2::new(u, v));
+                "usemtl" => {
+                    let next = names.materials.len() as u32;
+                    names.materials.entry(rest.trim().into()).or_insert(next);
                 }
-                "f" => found.face(rest, number + 1, material, colour).map_err(refuse)?,
-                "usemtl" if colour => {
-                    let next = found.materials.len() as u32;
-                    material = Some(*found.materials.entry(rest.trim().into()).or_insert(next));
-                }
-                "mtllib" if colour => {
-                    found.libraries.insert(rest.trim().into());
-                }
+                "mtllib" => drop(names.libraries.insert(rest.trim().into())),
                 _ => {}
             }
         }
-        Ok(found)
+        names
     }
 
-    fn vertex(&mut self, text: &str, colour: bool) -> Result<(), String> {
-        let refuse = || format!("a vertex needs three finite numbers, found {:?}", excerpt(text));
-        self.vertices.push(numbers::<3>(text, 3).ok_or_else(refuse)?.into());
-        if colour && (text.split_whitespace().nth(5).is_some() || !self.colours.is_empty()) {
-            self.colours.resize(self.vertices.len() - 1, Vec3::NAN);
-            self.colours.push(numbers::<6>(text, 6).map_or(Vec3::NAN, |[.., r, g, b]| Vec3::new(r, g, b)));
-        }
-        Ok(())
+    /// What `tobj` needs to number the materials of faces as here.
+    fn for_tobj(&self) -> (Vec<tobj::Material>, HashMap<String, usize>) {
+        let materials = vec![tobj::Material::default(); self.materials.len()];
+        (materials, self.materials.iter().map(|(name, &number)| (name.clone(), number as usize)).collect())
     }
+}
 
-    fn face(&mut self, text: &str, line: usize, material: Option<u32>, colour: bool) -> Result<(), String> {
-        let first = self.corners.len();
-        // Room for a comment behind the corners.
-        for word in text.split_whitespace().take_while(|word| !word.starts_with('#')) {
-            let mut parts = word.split('/');
-            let position = parts.next().and_then(|part| index(part, self.vertices.len()));
-            let position =
-                position.ok_or_else(|| format!("a face has the corner {:?}, which is no index", excerpt(word)))?;
-            let texture = match parts.next().filter(|part| colour && !part.is_empty()) {
-                None => None,
-                Some(part) => Some(index(part, self.texture.len()).ok_or_else(|| {
-                    format!("a face has the corner {:?}, whose texture coordinate is no index", excerpt(word))
-                })?),
-            };
-            self.corners.push((position, texture));
-        }
-        if self.corners.len() - first > MAX_CORNERS {
-            return Err(format!("a face has more than {MAX_CORNERS} corners: cut it up"));
-        }
-        self.faces.push(Face { line, first, material });
-        Ok(())
-    }
-
-    fn build(self, path: &Path, colour: bool) -> Result<Obj, ObjError> {
-        let mut obj = Obj::default();
-        let mut palette = Palette::default();
-        if colour {
-            palette = Palette::read(path, &self, &mut obj.notes)?;
-        }
-        let is_coloured = colour && (!self.colours.is_empty() || palette.slots.iter().any(Option::is_some));
-        let colour_scale = if self.colours.iter().any(|c| c.max_element() > 1.0) { 1.0 } else { 255.0 };
-        let mut paints = Vec::new();
-        let mut polygon = Vec::new();
-        for (number, face) in self.faces.iter().enumerate() {
-            let end = self.faces.get(number + 1).map_or(self.corners.len(), |next| next.first);
-            let corners = &self.corners[face.first..end];
+fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
+    let mut obj = Obj::default();
+    let names = if colour { Names::of(text) } else { Names::default() };
+    let palette = Palette::read(path, &names, &mut obj.notes)?;
+    let plain = plain(text, colour);
+    let models = match tobj::load_obj_buf(&mut plain.as_bytes(), &OPTIONS, |_| Ok(names.for_tobj())) {
+        Ok((models, _)) => models,
+        Err(error) => return Err(explain(path, text, error.to_string())),
+    };
+    let has_colours = models.iter().any(|model| !model.mesh.vertex_color.is_empty());
+    let is_coloured = colour && (has_colours || palette.slots.iter().any(Option::is_some));
+    let brightest = models.iter().flat_map(|model| &model.mesh.vertex_color).fold(0.0, |most: f32, &c| most.max(c));
+    let colour_scale = if brightest > 1.0 { 1.0 } else { 255.0 };
+    let mut paints = Vec::new();
+    let mut polygon = Vec::new();
+    for model in &models {
+        let mesh = &model.mesh;
+        let slot = mesh.material_id.and_then(|number| palette.slots.get(number)?.as_ref());
+        let base = obj.vertices.len() as u32;
+        obj.vertices.extend(mesh.positions.as_chunks().0.iter().map(|&p| Vec3::from_array(p)));
+        let mut first = 0;
+        let triangles_only = std::iter::repeat_n(3, mesh.indices.len() / 3);
+        let arities: Box<dyn Iterator<Item = usize>> = match mesh.face_arities.is_empty() {
+            true => Box::new(triangles_only),
+            false => Box::new(mesh.face_arities.iter().map(|&arity| arity as usize)),
+        };
+        for arity in arities {
+            let range = first..first + arity;
+            first += arity;
+            let indices = &mesh.indices[range.clone()];
             polygon.clear();
-            for &(position, texture) in corners {
-                let found = self.vertices.get(position).filter(|_| texture.is_none_or(|t| t < self.texture.len()));
-                polygon.push(*found.ok_or_else(|| {
-                    let reason = format!(
-                        "a face uses vertex {}{}, but the file has {} vertices and {} texture coordinates",
-                        position + 1,
-                        texture.map_or(String::new(), |t| format!("/{}", t + 1)),
-                        self.vertices.len(),
-                        self.texture.len()
-                    );
-                    ObjError::Line { path: path.into(), line: face.line, reason }
-                })?);
+            polygon.extend(indices.iter().map(|&index| obj.vertices[(base + index) as usize]));
+            if arity > MAX_CORNERS || polygon.iter().any(|v| !v.is_finite()) {
+                return Err(explain(path, text, "a face has too many corners or one that is not finite".into()));
             }
             for triangle in triangulate(&polygon) {
-                let corners = triangle.map(|k| corners[k]);
-                obj.triangles.push(corners.map(|(position, _)| position as u32));
+                obj.triangles.push(triangle.map(|k| base + indices[k]));
                 if is_coloured {
-                    paints.push(self.paint(corners, palette.slot(face.material), colour_scale));
+                    paints.push(paint(mesh, triangle.map(|k| range.start + k), slot, colour_scale));
                 }
             }
         }
-        obj.appearance = is_coloured.then_some(Appearance { images: palette.images, paints });
-        obj.vertices = self.vertices;
-        Ok(obj)
     }
+    let is_endless =
+        |paint: &Paint| matches!(paint, Paint::Image { corners, .. } if !corners.iter().all(|c| c.is_finite()));
+    if paints.iter().any(is_endless) {
+        return Err(explain(path, text, "a texture coordinate is not finite".into()));
+    }
+    obj.appearance = is_coloured.then_some(Appearance { images: palette.images, paints });
+    Ok(obj)
+}
 
-    fn paint(&self, corners: [Corner; 3], slot: Option<&Slot>, scale: f32) -> Paint {
-        let image = slot.and_then(|slot| slot.image);
-        if let (Some((image, [times, plus])), [(_, Some(a)), (_, Some(b)), (_, Some(c))]) = (image, corners) {
-            return Paint::Image { image, corners: [a, b, c].map(|t| self.texture[t] * times + plus) };
-        }
-        let colours = corners.map(|(position, _)| self.colours.get(position).filter(|c| c.is_finite()));
-        if let [Some(a), Some(b), Some(c)] = colours {
-            return Paint::Corners([a, b, c].map(|c| (*c * scale).to_array().map(|v| v.round() as u8)));
-        }
-        Paint::Corners([slot.and_then(|slot| slot.colour).unwrap_or(GREY); 3])
+/// The paint of a triangle, whose corners are places in the list of indices.
+fn paint(mesh: &tobj::Mesh, corners: [usize; 3], slot: Option<&Slot>, scale: f32) -> Paint {
+    let texture = |corner: usize| {
+        let at = 2 * *mesh.texcoord_indices.get(corner)? as usize;
+        Some(Vec2::from_slice(mesh.texcoords.get(at..at + 2)?))
+    };
+    let image = slot.and_then(|slot| slot.image);
+    if let (Some((image, [times, plus])), [Some(a), Some(b), Some(c)]) = (image, corners.map(texture)) {
+        return Paint::Image { image, corners: [a, b, c].map(|t| t * times + plus) };
     }
+    let colour = |corner: usize| {
+        let at = 3 * mesh.indices[corner] as usize;
+        Some(Vec3::from_slice(mesh.vertex_color.get(at..at + 3)?)).filter(|c| c.is_finite())
+    };
+    if let [Some(a), Some(b), Some(c)] = corners.map(colour) {
+        return Paint::Corners([a, b, c].map(|c| (c * scale).to_array().map(|v| v.round() as u8)));
+    }
+    Paint::Corners([slot.and_then(|slot| slot.colour).unwrap_or(GREY); 3])
+}
+
+/// The error of a file that `tobj` refuses, or whose numbers are no numbers: the line, which `tobj` does not tell.
+fn explain(path: &Path, text: &str, reason: String) -> ObjError {
+    let count = |key: &str| statements(text).filter(|(_, line)| line.split_whitespace().next() == Some(key)).count();
+    let totals = [count("v"), count("vt"), count("vn")];
+    let mut so_far = [0_usize; 3];
+    for (line, statement) in statements(text) {
+        let mut words = statement.split_whitespace();
+        let key = words.next().unwrap_or_default();
+        let words: Vec<&str> = words.collect();
+        let kind = ["v", "vt", "vn"].iter().position(|&name| name == key);
+        let fault = match (key, kind) {
+            (_, Some(kind)) => {
+                so_far[kind] += 1;
+                let least = [3, 2, 3][kind];
+                let numbers = words.iter().take(least).filter(|w| w.parse().is_ok_and(f32::is_finite)).count();
+                (numbers < least).then(|| {
+                    format!("{key} needs {least} finite numbers, found {:?}", excerpt(&words.join(" ")))
+                })
+            }
+            ("f" | "l", _) if words.len() > MAX_CORNERS => {
+                Some(format!("a face has more than {MAX_CORNERS} corners: cut it up"))
+            }
+            ("f" | "l", _) => words.iter().find(|word| !is_corner(word, so_far, totals)).map(|word| {
+                let [v, vt, vn] = totals;
+                format!(
+                    "a face has the corner {:?}, but indices count from 1, or back from -1, and the file has {v} vertices, {vt} \
+                     texture coordinates and {vn} normals",
+                    excerpt(word)
+                )
+            }),
+            ("usemtl", _) if words.is_empty() => Some("usemtl names no material".into()),
+            _ => None,
+        };
+        if let Some(reason) = fault {
+            return ObjError::Line { path: path.into(), line, reason };
+        }
+    }
+    ObjError::Format { path: path.into(), reason }
+}
+
+/// Whether `v`, `v/vt`, `v//vn` or `v/vt/vn` names what there is: `so_far` for indices back from here, or in total.
+fn is_corner(word: &str, so_far: [usize; 3], totals: [usize; 3]) -> bool {
+    let parts: Vec<&str> = word.split('/').collect();
+    let is_index = |(n, part): (usize, &&str)| match part.parse::<i64>() {
+        Ok(back @ ..0) => back.unsigned_abs() <= so_far[n] as u64,
+        Ok(0) => false,
+        Ok(number) => number as u64 <= totals[n] as u64,
+        Err(_) => n > 0 && part.is_empty(),
+    };
+    parts.len() <= 3 && parts.iter().enumerate().all(is_index)
 }
 
 /// A material with its image.
@@ -283,13 +351,10 @@ struct Palette {
 }
 
 impl Palette {
-    fn slot(&self, material: Option<u32>) -> Option<&Slot> {
-        self.slots.get(material? as usize)?.as_ref()
-    }
-
-    fn read(obj: &Path, statements: &Statements, notes: &mut Vec<String>) -> Result<Self, ObjError> {
+    /// Reads nothing where no material is in use.
+    fn read(obj: &Path, names: &Names, notes: &mut Vec<String>) -> Result<Self, ObjError> {
         let (mut known, mut missing) = (BTreeMap::new(), Vec::new());
-        for library in &statements.libraries {
+        for library in &names.libraries {
             // One name with spaces in it, or several names.
             let several = || library.split_whitespace().filter_map(|name| beside(obj, name)).collect();
             let paths: Vec<PathBuf> = beside(obj, library).map_or_else(several, |path| vec![path]);
@@ -315,8 +380,8 @@ impl Palette {
             ));
         }
         let (mut palette, mut numbers, mut undefined) = (Self::default(), BTreeMap::new(), Vec::new());
-        palette.slots.resize_with(statements.materials.len(), || None);
-        for (name, &number) in &statements.materials {
+        palette.slots.resize_with(names.materials.len(), || None);
+        for (name, &number) in &names.materials {
             match known.get(name) {
                 Some((mtl, material)) => {
                     let map = material.map.as_ref();
@@ -377,29 +442,6 @@ fn excerpt(text: &str) -> String {
     text.chars().take(60).collect()
 }
 
-/// The first `N` numbers, all finite; those after the first `least` may be absent and are 0 then.
-fn numbers<const N: usize>(text: &str, least: usize) -> Option<[f32; N]> {
-    let mut found = [0.0; N];
-    let mut words = text.split_whitespace();
-    for (n, number) in found.iter_mut().enumerate() {
-        match words.next() {
-            Some(word) => *number = word.parse().ok().filter(|value: &f32| value.is_finite())?,
-            None if n >= least => break,
-            None => return None,
-        }
-    }
-    Some(found)
-}
-
-/// From 0, of an index from 1 or, if negative, back from the last of `count`.
-fn index(text: &str, count: usize) -> Option<usize> {
-    match text.parse::<i64>().ok()? {
-        0 => None,
-        back @ ..0 => count.checked_sub(usize::try_from(back.unsigned_abs()).ok()?),
-        number => usize::try_from(number - 1).ok(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::image::tests::png;
@@ -435,7 +477,11 @@ mod tests {
         let plain = |colour: [u8; 3]| Paint::Corners([colour; 3]);
         let mixed = Paint::Corners([[255, 0, 0], [0, 255, 0], [0, 0, 255]]);
         assert_eq!(appearance.paints, [photo([a, b, c]), photo([a, c, d]), plain([255, 0, 0]), mixed, plain(GREY)]);
-        assert_eq!(obj.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 2], [4, 5, 6], [0, 1, 3]]);
+        let flat = |t: &[u32; 3]| t.map(|i| obj.vertices[i as usize].to_array().map(|c| c as i32));
+        let [a, b, c, d] = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]];
+        let high = [[0, 0, 5], [1, 0, 5], [1, 1, 5]];
+        let found: Vec<_> = obj.triangles.iter().map(flat).collect();
+        assert_eq!(found, [[a, b, c], [a, c, d], [a, b, c], high, [a, b, d]]);
         assert!(obj.notes.len() == 1 && obj.notes[0].contains("nowhere"), "{:?}", obj.notes);
     }
 
@@ -469,10 +515,10 @@ mod tests {
             ("v 0 0 0\nv 1 0 0\nf -3 1 2", 3),
             ("f 0 1 2", 1),
             ("f 1/x 2 3", 1),
-            ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1", 4),
-            ("\nv 1 inf 2", 2),
+            ("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/2 3/1", 5),
+            ("v 0 0 0\nv 1 inf 2\nv 0 1 0\nf 1 2 3", 2),
             ("v 1 2", 1),
-            ("vt nan", 1),
+            ("vt 0", 1),
             (&format!("f{}", " 1".repeat(5000)), 1),
             ("f 18446744073709551616 1 1", 1),
         ] {
