@@ -259,6 +259,11 @@ fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
     if paints.iter().any(is_endless) {
         return Err(explain(path, text, "a texture coordinate is not finite".into()));
     }
+    if obj.triangles.is_empty()
+        && let fault @ ObjError::Line { .. } = explain(path, text, String::new())
+    {
+        return Err(fault);
+    }
     obj.appearance = is_coloured.then_some(Appearance { images: palette.images, paints });
     Ok(obj)
 }
@@ -517,8 +522,9 @@ mod tests {
             ("f 1/x 2 3", 1),
             ("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/2 3/1", 5),
             ("v 0 0 0\nv 1 inf 2\nv 0 1 0\nf 1 2 3", 2),
+            ("\nv 1 nan 2", 2),
             ("v 1 2", 1),
-            ("vt 0", 1),
+            ("vt nan", 1),
             (&format!("f{}", " 1".repeat(5000)), 1),
             ("f 18446744073709551616 1 1", 1),
         ] {
