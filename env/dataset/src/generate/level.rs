@@ -73,7 +73,7 @@ impl Level {
             },
             Self::Insane => Numbers {
                 area: [5420.0, 600.0],
-                complexity: 46.0,
+                complexity: 42.0,
                 site: [132.0, 123.0],
                 depth_first: 0.8,
                 side: 7.0,
