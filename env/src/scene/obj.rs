@@ -154,29 +154,48 @@ fn statements(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     })
 }
 
-/// The statements as `tobj` wants them: it counts colours apart from vertices, so every vertex gets one or none does.
-fn plain(text: &str, colour: bool) -> String {
-    let is_coloured = |line: &str| line.starts_with("v ") && line.split_whitespace().nth(6).is_some();
-    let has_colours = colour && statements(text).any(|(_, line)| is_coloured(&line));
-    let mut plain = String::with_capacity(text.len() + 1);
-    for (_, line) in statements(text) {
-        match line.strip_prefix("v ").map(|rest| (rest, rest.split_whitespace().count())) {
-            // NaN is the colour of a vertex without one.
-            Some((rest, ..=5)) if has_colours => {
-                plain.push('v');
-                rest.split_whitespace().take(3).for_each(|word| plain.extend([" ", word]));
-                plain.push_str(" nan nan nan");
-            }
-            Some((rest, count)) if count > 4 => {
-                plain.push('v');
-                let kept = if has_colours { 6 } else { 3 };
-                rest.split_whitespace().take(kept).for_each(|word| plain.extend([" ", word]));
-            }
-            _ => plain.push_str(&line),
+/// A file as `tobj` wants it.
+struct Plain {
+    text: String,
+    /// For each face, whether all of its corners have texture coordinates: `tobj` invents those that are missing.
+    is_textured: Vec<bool>,
+}
+
+impl Plain {
+    /// Vertices have three numbers, all of them or none a colour as well (`tobj` counts colours apart from vertices), NaN
+    /// where a vertex has none; weights, lines and points are left out; one library stands for all.
+    fn of(text: &str, names: &Names, colour: bool) -> Self {
+        let is_coloured = |line: &str| line.starts_with('v') && line.split_whitespace().nth(6).is_some();
+        let has_colours = colour && statements(text).any(|(_, line)| is_coloured(&line));
+        let mut plain = Self { text: String::with_capacity(text.len() + 16), is_textured: Vec::new() };
+        if !names.materials.is_empty() {
+            plain.text.push_str("mtllib all\n");
         }
-        plain.push('\n');
+        for (_, line) in statements(text) {
+            let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
+            let mut words = rest.split_whitespace();
+            match key {
+                "v" => {
+                    plain.text.push('v');
+                    words.by_ref().take(3).for_each(|word| plain.text.extend([" ", word]));
+                    let colours: Vec<&str> = words.take(3).collect();
+                    if has_colours {
+                        let colours = if colours.len() == 3 { colours } else { vec!["nan"; 3] };
+                        colours.into_iter().for_each(|word| plain.text.extend([" ", word]));
+                    }
+                    plain.text.push('\n');
+                }
+                "f" if words.clone().nth(2).is_some() => {
+                    plain.is_textured.push(words.all(|word| word.split('/').nth(1).is_some_and(|vt| !vt.is_empty())));
+                    plain.text.extend([&*line, "\n"]);
+                }
+                "usemtl" if !names.materials.is_empty() => plain.text.extend(["usemtl ", rest.trim(), "\n"]),
+                "vt" | "vn" | "o" | "g" => plain.text.extend([&*line, "\n"]),
+                _ => {}
+            }
+        }
+        plain
     }
-    plain
 }
 
 /// What a file names beside itself.
@@ -215,8 +234,8 @@ fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
     let mut obj = Obj::default();
     let names = if colour { Names::of(text) } else { Names::default() };
     let palette = Palette::read(path, &names, &mut obj.notes)?;
-    let plain = plain(text, colour);
-    let models = match tobj::load_obj_buf(&mut plain.as_bytes(), &OPTIONS, |_| Ok(names.for_tobj())) {
+    let plain = Plain::of(text, &names, colour);
+    let models = match tobj::load_obj_buf(&mut plain.text.as_bytes(), &OPTIONS, |_| Ok(names.for_tobj())) {
         Ok((models, _)) => models,
         Err(error) => return Err(explain(path, text, error.to_string())),
     };
@@ -226,6 +245,7 @@ fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
     let colour_scale = if brightest > 1.0 { 1.0 } else { 255.0 };
     let mut paints = Vec::new();
     let mut polygon = Vec::new();
+    let mut is_textured = plain.is_textured.into_iter();
     for model in &models {
         let mesh = &model.mesh;
         let slot = mesh.material_id.and_then(|number| palette.slots.get(number)?.as_ref());
@@ -241,6 +261,8 @@ fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
             let range = first..first + arity;
             first += arity;
             let indices = &mesh.indices[range.clone()];
+            let is_textured = is_textured.next().unwrap_or(false);
+            let slot = slot.map(|slot| (slot, is_textured));
             polygon.clear();
             polygon.extend(indices.iter().map(|&index| obj.vertices[(base + index) as usize]));
             if arity > MAX_CORNERS || polygon.iter().any(|v| !v.is_finite()) {
@@ -269,12 +291,12 @@ fn build(path: &Path, text: &str, colour: bool) -> Result<Obj, ObjError> {
 }
 
 /// The paint of a triangle, whose corners are places in the list of indices.
-fn paint(mesh: &tobj::Mesh, corners: [usize; 3], slot: Option<&Slot>, scale: f32) -> Paint {
+fn paint(mesh: &tobj::Mesh, corners: [usize; 3], slot: Option<(&Slot, bool)>, scale: f32) -> Paint {
     let texture = |corner: usize| {
         let at = 2 * *mesh.texcoord_indices.get(corner)? as usize;
         Some(Vec2::from_slice(mesh.texcoords.get(at..at + 2)?))
     };
-    let image = slot.and_then(|slot| slot.image);
+    let image = slot.filter(|&(_, is_textured)| is_textured).and_then(|(slot, _)| slot.image);
     if let (Some((image, [times, plus])), [Some(a), Some(b), Some(c)]) = (image, corners.map(texture)) {
         return Paint::Image { image, corners: [a, b, c].map(|t| t * times + plus) };
     }
@@ -285,7 +307,7 @@ fn paint(mesh: &tobj::Mesh, corners: [usize; 3], slot: Option<&Slot>, scale: f32
     if let [Some(a), Some(b), Some(c)] = corners.map(colour) {
         return Paint::Corners([a, b, c].map(|c| (c * scale).to_array().map(|v| v.round() as u8)));
     }
-    Paint::Corners([slot.and_then(|slot| slot.colour).unwrap_or(GREY); 3])
+    Paint::Corners([slot.and_then(|(slot, _)| slot.colour).unwrap_or(GREY); 3])
 }
 
 /// The error of a file that `tobj` refuses, or whose numbers are no numbers: the line, which `tobj` does not tell.
@@ -488,6 +510,20 @@ mod tests {
         let found: Vec<_> = obj.triangles.iter().map(flat).collect();
         assert_eq!(found, [[a, b, c], [a, c, d], [a, b, c], high, [a, b, d]]);
         assert!(obj.notes.len() == 1 && obj.notes[0].contains("nowhere"), "{:?}", obj.notes);
+    }
+
+    #[test]
+    fn libraries_and_bare_faces_are_told_apart() {
+        let (folder, path) = folder(Some(LIBRARY), true);
+        let text = "mtllib\tmy card.mtl\nmtllib my card.mtl\nmtllib none.mtl\nv\t0 0 0 2\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n\
+            usemtl\tred\nf 1/1 2/2 3/3\nl 1 2 3\nusemtl photo\nf 1 2 3\nf 1/1 2/2 3/3\n";
+        let obj = Obj::parse(&path, text.as_bytes(), true).unwrap();
+        let paints = obj.appearance.unwrap().paints;
+        assert_eq!(paints[..2], [Paint::Corners([[255, 0, 0]; 3]), Paint::Corners([[0; 3]; 3])]);
+        assert!(matches!(paints[2], Paint::Image { image: 0, .. }) && paints.len() == 3);
+        assert_eq!(Obj::parse(&path, text.as_bytes(), false).unwrap().triangles.len(), 3);
+        assert!(obj.notes.len() == 1 && obj.notes[0].contains("none.mtl"), "{:?}", obj.notes);
+        drop(folder);
     }
 
     #[test]
