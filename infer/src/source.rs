@@ -3,11 +3,11 @@
 use nbp_dataset::wad::{Wad, WadError};
 use nbp_dataset::{WadSceneError, scene_from_wad};
 use nbp_env::Scene;
+use nbp_env::scene::load::find_scenes_and;
 use nbp_env::scene::{LoadError, LoadOptions};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Where one scene comes from.
@@ -38,14 +38,6 @@ pub enum SourceError {
     /// Neither a mesh nor a WAD.
     #[error("{0} is not a scene: name an OBJ file, a scene folder, a WAD, or one map as FILE.wad:MAP01")]
     Kind(PathBuf),
-    /// A folder cannot be listed.
-    #[error("cannot list {path}: {source}")]
-    List {
-        /// The folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
     /// A mesh or its settings.
     #[error(transparent)]
     Mesh(#[from] LoadError),
@@ -85,7 +77,7 @@ impl Source {
     pub fn load(&self, options: LoadOptions) -> Result<Scene, SourceError> {
         match self {
             Self::Mesh(path) => Ok(Scene::load_with(path, options)?),
-            Self::Map { wad, map } => scene_from_wad(wad, Some(map)).map_err(|source| {
+            Self::Map { wad, map } => scene_from_wad(wad, Some(map), options).map_err(|source| {
                 let is_unfit = matches!(source, WadSceneError::Convert { .. } | WadSceneError::Scene { .. });
                 let hint = if is_unfit { "; to leave this map out, name the others as FILE.wad:MAP01" } else { "" };
                 SourceError::Map { source: Box::new(source), hint }
@@ -185,33 +177,25 @@ fn is(path: &Path, extension: &str) -> bool {
 }
 
 fn below(path: &Path) -> Result<Vec<Source>, SourceError> {
-    if is(path, "obj") && path.is_file() {
-        return Ok(vec![Source::Mesh(path.into())]);
-    }
-    if is(path, "wad") && path.is_file() {
-        let wad = Wad::open(path).map_err(|source| SourceError::Wad { path: path.into(), source })?;
-        let map = |map: &str| Source::Map { wad: path.into(), map: map.to_owned() };
-        return Ok(wad.maps().into_iter().map(map).collect());
-    }
-    if !path.is_dir() {
+    if path.is_file() && !is(path, "obj") && !is(path, "wad") {
         return Ok(Vec::new());
     }
-    let list = |source| SourceError::List { path: path.into(), source };
-    let entries: Result<Vec<PathBuf>, _> =
-        fs::read_dir(path).and_then(|entries| entries.map(|entry| entry.map(|e| e.path())).collect());
-    let mut entries = entries.map_err(list)?;
-    entries.sort();
-    // A folder with a mesh is one scene, whatever else lies in it.
-    if entries.iter().any(|entry| is(entry, "obj") && entry.is_file()) {
-        return Ok(vec![Source::Mesh(path.into())]);
+    let mut sources = Vec::new();
+    for path in find_scenes_and(path, |file| is(file, "wad"))? {
+        if is(&path, "wad") && path.is_file() {
+            let wad = Wad::open(&path).map_err(|source| SourceError::Wad { path: path.clone(), source })?;
+            sources.extend(wad.maps().into_iter().map(|map| Source::Map { wad: path.clone(), map: map.to_owned() }));
+        } else {
+            sources.push(Source::Mesh(path));
+        }
     }
-    let found: Result<Vec<Vec<Source>>, _> = entries.iter().map(|entry| below(entry)).collect();
-    Ok(found?.into_iter().flatten().collect())
+    Ok(sources)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     const ROOM: &str = "v 0 0 0\nv 6 0 0\nv 6 0 6\nv 0 0 6\nv 0 3 0\nv 6 3 0\nv 6 3 6\nv 0 3 6\n\
         f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";

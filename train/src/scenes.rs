@@ -27,7 +27,9 @@ fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
         let map =
             generate(level, seed).with_context(|| format!("generating the {} map of seed {seed}", level.name()))?;
         bar.advance(map.scene.name.clone());
-        Ok(nbp_dataset::to_scene(map.scene)?)
+        // Training sees no colours.
+        let scene = nbp_dataset::SceneBundle { mesh: map.scene.mesh.bare(), ..map.scene };
+        Ok(nbp_dataset::to_scene(scene)?)
     })?;
     bar.finish();
     Ok(scenes)

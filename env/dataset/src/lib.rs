@@ -34,7 +34,7 @@ pub use generate::{GenerateError, Generated, Level, generate};
 pub use wad::Textures;
 pub use write::{WriteError, write_mesh, write_scene, write_scene_with};
 
-use nbp_env::scene::SceneError;
+use nbp_env::scene::{LoadOptions, SceneError};
 use nbp_env::{Scene, SeedTree};
 use std::path::Path;
 use std::sync::Arc;
@@ -78,11 +78,12 @@ pub enum WadSceneError {
     },
 }
 
-/// The scene of a map in a WAD, in memory; `map` may be left out where the WAD holds one.
+/// The scene of a map in a WAD, in memory; `map` may be left out where the WAD holds one. Without `options.colour` its
+/// textures are not composed.
 ///
 /// # Errors
 /// Naming the file and what is wrong with it.
-pub fn scene_from_wad(path: &Path, map: Option<&str>) -> Result<Scene, WadSceneError> {
+pub fn scene_from_wad(path: &Path, map: Option<&str>, options: LoadOptions) -> Result<Scene, WadSceneError> {
     let path = path.to_path_buf();
     let wad = wad::Wad::open(&path).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
     let wad = Arc::new(wad);
@@ -96,11 +97,15 @@ pub fn scene_from_wad(path: &Path, map: Option<&str>) -> Result<Scene, WadSceneE
         }
     };
     // Broken textures are no reason to refuse the map: tiles stand in.
-    let textures = wad::Textures::read(std::slice::from_ref(&wad)).unwrap_or_default();
+    let read_textures = || wad::Textures::read(std::slice::from_ref(&wad)).unwrap_or_default();
+    let textures = options.colour.then(read_textures).flatten();
     let mut read = wad.map(map).map_err(|source| WadSceneError::Wad { path: path.clone(), source })?;
     read.name = scene_name(&path, map, available.len());
-    let bundle = convert(&read, ConvertOptions { textures: textures.as_ref(), ..ConvertOptions::default() })
+    let mut bundle = convert(&read, ConvertOptions { textures: textures.as_ref(), ..ConvertOptions::default() })
         .map_err(|source| WadSceneError::Convert { path: path.clone(), source })?;
+    if !options.colour {
+        bundle.mesh = bundle.mesh.bare();
+    }
     to_scene(bundle).map_err(|source| WadSceneError::Scene { path, source })
 }
 

@@ -93,13 +93,26 @@ impl Scene {
 /// # Errors
 /// When a folder cannot be listed.
 pub fn find_scenes(path: &Path) -> Result<Vec<PathBuf>, LoadError> {
+    find_scenes_and(path, |_| false)
+}
+
+/// The same, and the files outside of scene folders that `is_other` names.
+///
+/// # Errors
+/// When a folder cannot be listed.
+pub fn find_scenes_and(path: &Path, is_other: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, LoadError> {
     let mut found = Vec::new();
-    search(path, &mut BTreeSet::new(), &mut found)?;
+    search(path, &is_other, &mut BTreeSet::new(), &mut found)?;
     Ok(found)
 }
 
-fn search(path: &Path, visited: &mut BTreeSet<PathBuf>, found: &mut Vec<PathBuf>) -> Result<(), LoadError> {
-    if path.is_file() && is_obj(path) {
+fn search(
+    path: &Path,
+    is_other: &dyn Fn(&Path) -> bool,
+    visited: &mut BTreeSet<PathBuf>,
+    found: &mut Vec<PathBuf>,
+) -> Result<(), LoadError> {
+    if path.is_file() && (is_obj(path) || is_other(path)) {
         found.push(path.into());
         return Ok(());
     }
@@ -111,7 +124,8 @@ fn search(path: &Path, visited: &mut BTreeSet<PathBuf>, found: &mut Vec<PathBuf>
         found.push(path.into());
         return Ok(());
     }
-    entries.iter().filter(|entry| entry.is_dir()).try_for_each(|entry| search(entry, visited, found))
+    let mut inside = entries.iter().filter(|entry| entry.is_dir() || is_other(entry));
+    inside.try_for_each(|entry| search(entry, is_other, visited, found))
 }
 
 /// Settings for a mesh in metres that comes without any: the floor is the height with the most horizontal area, the

@@ -112,6 +112,12 @@ impl Mesh {
         &self.triangles
     }
 
+    /// The same geometry without its colours.
+    #[must_use]
+    pub fn bare(self) -> Self {
+        Self { appearance: None, ..self }
+    }
+
     /// Colours, one paint for each triangle; `None` for a mesh of bare geometry.
     pub fn appearance(&self) -> Option<&Appearance> {
         self.appearance.as_deref()
