@@ -53,7 +53,7 @@ impl Escape {
 
 /// `count` points uniform in the space inside a scene: an odd number of surfaces lies below them, or in a scan, a floor and
 /// walls around. Fewer where there is hardly any such space.
-pub fn inside_points(scene: &Scene, count: usize, seed: SeedTree) -> Vec<Vec3> {
+fn inside_points(scene: &Scene, count: usize, seed: SeedTree) -> Vec<Vec3> {
     let [low, high] = scene.mesh().bounds();
     let mut rng = seed.rng();
     let mut draw = || low + (high - low) * Vec3::new(rng.random(), rng.random(), rng.random());

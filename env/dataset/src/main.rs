@@ -14,8 +14,8 @@ struct Args {
     #[command(subcommand)]
     command: Command,
     /// Worker threads; results do not depend on it [default: all cores].
-    #[arg(long, global = true, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
 }
 
 #[derive(Subcommand)]
@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     let args = Args::parse();
     if let Some(threads) = args.threads {
         // Fails only when a pool exists already, and none does yet.
-        drop(rayon::ThreadPoolBuilder::new().num_threads(threads).build_global());
+        drop(rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global());
     }
     let done = match args.command {
         Command::Generate(args) => cli::generate::run(&args),

@@ -122,10 +122,7 @@ fn write_folder(
     fs::create_dir_all(&partial).map_err(fail(&folder))?;
     let extra = || extra.iter().try_for_each(|(file, bytes)| write_file(&partial.join(file), bytes));
     let written = extra().and_then(|()| write_files(name, mesh, settings, &partial)).and_then(|halvings| {
-        if folder.exists() {
-            fs::remove_dir_all(&folder).map_err(fail(&folder))?;
-        }
-        fs::rename(&partial, &folder).map_err(fail(&folder))?;
+        put(&partial, &folder, &parent.join(format!(".{name}.old-{}", std::process::id()))).map_err(fail(&folder))?;
         Ok(halvings)
     });
     match written {
@@ -136,6 +133,23 @@ fn write_folder(
             Err(error)
         }
     }
+}
+
+/// Renames a folder to its place. What was there waits under the name `old` until then: whoever is killed in between finds it.
+fn put(new: &Path, place: &Path, old: &Path) -> io::Result<()> {
+    if !place.exists() {
+        return fs::rename(new, place);
+    }
+    if old.exists() {
+        fs::remove_dir_all(old)?;
+    }
+    fs::rename(place, old)?;
+    if let Err(error) = fs::rename(new, place) {
+        // Best effort: the first error is the one to tell.
+        drop(fs::rename(old, place));
+        return Err(error);
+    }
+    fs::remove_dir_all(old)
 }
 
 fn write_files(name: &str, mesh: &Mesh, settings: &Settings, folder: &Path) -> Result<u32, WriteError> {
@@ -312,6 +326,19 @@ mod tests {
         assert!(matches!(write_scene(&scene, parent.path(), false), Err(WriteError::Exists(_))));
         write_scene(&scene, parent.path(), true).unwrap();
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 1, "no temporary folder is left");
+    }
+
+    #[test]
+    fn what_was_there_comes_back_when_the_new_folder_does_not() {
+        let parent = tempfile::tempdir().unwrap();
+        let [new, place, old] = ["new", "place", ".old"].map(|name| parent.path().join(name));
+        fs::create_dir(&place).unwrap();
+        fs::write(place.join("mesh"), "first").unwrap();
+        assert!(put(&new, &place, &old).is_err(), "there is nothing new");
+        assert_eq!(fs::read(place.join("mesh")).unwrap(), b"first");
+        fs::create_dir(&new).unwrap();
+        put(&new, &place, &old).unwrap();
+        assert!(!place.join("mesh").exists() && !old.exists());
     }
 
     /// Two triangles of a square with the given paints.

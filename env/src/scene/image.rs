@@ -11,7 +11,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Images of more pixels are refused: 4096 × 4096, four times the published texture.
-pub const MAX_PIXELS: usize = 1 << 24;
+const MAX_PIXELS: usize = 1 << 24;
 
 /// Most bytes that one byte of a deflate stream stands for, from the format's definition (RFC 1951).
 const DEFLATE_RATIO: usize = 1032;

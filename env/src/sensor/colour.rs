@@ -85,7 +85,7 @@ impl Painting<'_> {
     }
 
     /// The same by a chosen instruction set: the same bits, at another speed.
-    pub fn paint_with(&self, set: InstructionSet, triangles: &[u32], out: &mut Vec<[u8; 3]>) {
+    fn paint_with(&self, set: InstructionSet, triangles: &[u32], out: &mut Vec<[u8; 3]>) {
         out.clear();
         out.resize(triangles.len(), [0; 3]);
         set.paint(self, triangles, out);

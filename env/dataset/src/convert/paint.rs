@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const UNPEG_TOP: u16 = 8;
 const UNPEG_BOTTOM: u16 = 16;
 
-/// Most texels of all images of a map; real maps have a tenth of it.
+/// Most texels of all images of a map; real maps have a tenth of it. Past it, names share the images that are there.
 const MAX_TEXELS: usize = 1 << 25;
 
 /// Where no sky texture gives another.
@@ -53,7 +53,8 @@ enum Skin {
 
 /// Paints for all faces, and what was wrong with textures, in words. Without textures, drawn tiles stand in.
 pub(super) fn paint(site: &Site<'_>, faces: &Faces, textures: Option<&Textures>) -> (Appearance, Vec<String>) {
-    let images = Images { textures, made: Vec::new(), number_of: BTreeMap::new(), problems: BTreeSet::new() };
+    let images =
+        Images { textures, made: Vec::new(), texels: 0, number_of: BTreeMap::new(), problems: BTreeSet::new() };
     let mut painter = Painter { site, common: Common::new(site.map), images };
     let sky = textures.and_then(|textures| sky_colour(&textures.wall(Name::of("SKY1")).ok()?)).unwrap_or(SKY);
     let mut paints = Vec::with_capacity(faces.triangles.len());
@@ -91,6 +92,8 @@ pub(super) fn paint(site: &Site<'_>, faces: &Faces, textures: Option<&Textures>)
 struct Images<'a> {
     textures: Option<&'a Textures>,
     made: Vec<Image>,
+    /// Of all that are made.
+    texels: usize,
     number_of: BTreeMap<(bool, Name), u32>,
     problems: BTreeSet<String>,
 }
@@ -104,16 +107,22 @@ impl Images<'_> {
             let found = if is_flat { textures.flat(name) } else { textures.wall(name) };
             found.map_err(|error| self.problems.insert(error.to_string())).ok()
         });
-        let texels: usize = self.made.iter().chain(&found).map(|image| image.pixels.len()).sum();
-        let found = found.filter(|_| {
-            texels <= MAX_TEXELS || {
+        let room = MAX_TEXELS.saturating_sub(self.texels);
+        let found = found.filter(|image| {
+            image.pixels.len() <= room || {
                 self.problems
                     .insert(format!("{name} is left out: the map's textures have more than {MAX_TEXELS} texels"));
                 false
             }
         });
-        let number = self.made.len() as u32;
-        self.made.push(found.unwrap_or_else(|| pattern::tile(name, is_flat)));
+        let number = if found.is_none() && room < pattern::TEXELS && !self.made.is_empty() {
+            pattern::hash(name, is_flat) % self.made.len() as u32
+        } else {
+            let image = found.unwrap_or_else(|| pattern::tile(name, is_flat));
+            self.texels += image.pixels.len();
+            self.made.push(image);
+            self.made.len() as u32 - 1
+        };
         self.number_of.insert((is_flat, name), number);
         number
     }
@@ -365,6 +374,15 @@ mod tests {
         let [lower, upper, whole] = rows_at(UNPEG_TOP | UNPEG_BOTTOM);
         assert_eq!((lower, upper), ([5.0, 163.0], [5.0, 53.0]), "both from the ceiling");
         assert_eq!(whole, [5.0, 3.0 + 64.0 - 200.0], "a tile ends on the floor");
+    }
+
+    #[test]
+    fn names_without_end_share_tiles() {
+        let texels = MAX_TEXELS - 2 * pattern::TEXELS;
+        let mut images =
+            Images { textures: None, made: Vec::new(), texels, number_of: BTreeMap::new(), problems: BTreeSet::new() };
+        let numbers: BTreeSet<u32> = (0..99).map(|n| images.number(Name::of(&format!("N{n}")), true)).collect();
+        assert_eq!((images.made.len(), images.texels, numbers), (2, MAX_TEXELS, [0, 1].into()));
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use crate::doom_map::Name;
 use nbp_env::scene::Image;
 
-/// Texels in a tile, which are map units.
+/// Texels along a side of a tile, which are map units.
 const SIDE: usize = 64;
+pub(super) const TEXELS: usize = SIDE * SIDE;
 const HUES: u32 = 24;
 const SATURATION: f32 = 0.4;
 
@@ -13,7 +14,7 @@ const SHADES: [f32; 4] = [0.38, 0.6, 0.68, 0.76];
 
 /// The tile of a wall texture, or of a flat.
 pub(super) fn tile(name: Name, is_flat: bool) -> Image {
-    let hash = name.bytes().iter().fold(0x811c_9dc5 ^ u32::from(is_flat), |hash, &b| mix(hash ^ u32::from(b)));
+    let hash = hash(name, is_flat);
     let hue = (hash >> 8) % HUES;
     // Width and height of a stone, and by how much each row is moved.
     let (width, height, shift) = match (is_flat, hash % 3) {
@@ -31,7 +32,12 @@ pub(super) fn tile(name: Name, is_flat: bool) -> Image {
         let stone = mix(hash ^ (row / height * SIDE + column / width) as u32);
         colour(hue, SHADES[if is_joint { 0 } else { 1 + stone as usize % 3 }])
     };
-    Image { width: SIDE, height: SIDE, pixels: (0..SIDE * SIDE).map(texel).collect() }
+    Image { width: SIDE, height: SIDE, pixels: (0..TEXELS).map(texel).collect() }
+}
+
+/// Of a name, the same on every machine.
+pub(super) fn hash(name: Name, is_flat: bool) -> u32 {
+    name.bytes().iter().fold(0x811c_9dc5 ^ u32::from(is_flat), |hash, &b| mix(hash ^ u32::from(b)))
 }
 
 /// Scatters the bits of a number.

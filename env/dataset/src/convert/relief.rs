@@ -9,7 +9,7 @@ use super::HEAD_ROOM;
 use super::label::LabelledPlan;
 use super::solid::Air;
 use crate::doom_map::Sector;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Highest step that a player climbs, and height of a player, map units.
 const STEP: i32 = 24;
@@ -132,21 +132,23 @@ fn hang(labelled: &LabelledPlan, mut shifts: BTreeMap<u32, f64>) -> BTreeMap<u32
             }
         }
     }
-    loop {
+    let around = |sector: u32| borders.get(&sector).into_iter().flatten();
+    let mut open: BTreeSet<u32> = borders.keys().copied().collect();
+    while !open.is_empty() {
         let mut wave = Vec::new();
-        for (&sector, around) in borders.iter().filter(|(sector, _)| !shifts.contains_key(sector)) {
-            let known = around.iter().filter_map(|(beyond, length)| Some((shifts.get(beyond)?, length)));
+        for &sector in open.iter().filter(|sector| !shifts.contains_key(sector)) {
+            let known = around(sector).filter_map(|(beyond, length)| Some((shifts.get(beyond)?, length)));
             let (sum, length) =
                 known.fold((0.0, 0.0), |(sum, all), (shift, length)| (sum + shift * length, all + length));
             if length > 0.0 {
                 wave.push((sector, sum / length));
             }
         }
-        if wave.is_empty() {
-            return shifts;
-        }
+        // Only next to the last wave can there be another one.
+        open = wave.iter().flat_map(|&(sector, _)| around(sector).map(|(&beyond, _)| beyond)).collect();
         shifts.extend(wave);
     }
+    shifts
 }
 
 #[cfg(test)]

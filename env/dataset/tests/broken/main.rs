@@ -110,9 +110,7 @@ fn damaged_files_are_refused_or_valid() {
     for reader in readers() {
         let folder = folder.path().join(reader.name);
         std::fs::create_dir(&folder).unwrap();
-        if reader.name != "obj" {
-            examples::write_folder(&folder);
-        }
+        examples::write_folder(&folder);
         (reader.read)(&folder, &reader.examples[0]).unwrap_or_else(|error| panic!("{}: {error}", reader.name));
         let began = Instant::now();
         let files = files.unwrap_or(FEW);

@@ -30,7 +30,7 @@ pub fn wad(_: &Path, bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// `scene.obj` beside whole settings.
+/// `scene.obj` beside whole materials and a whole image.
 pub fn obj(folder: &Path, bytes: &[u8]) -> Result<(), String> {
     load(folder, "scene.obj", bytes)
 }
