@@ -43,7 +43,7 @@ pub fn part_of(scene: &Path) -> Option<Part> {
 
 /// Number of scenes to train on among `count`: 70 %, rounded up, and one less where nothing else is left to test on.
 pub fn train_count(count: usize) -> usize {
-    (count * TRAIN_TENTHS).div_ceil(10).min(count.saturating_sub(1)).max(count.min(1))
+    count.saturating_mul(TRAIN_TENTHS).div_ceil(10).min(count.saturating_sub(1)).max(count.min(1))
 }
 
 /// Why a set cannot be split.
@@ -52,6 +52,11 @@ pub enum SplitError {
     /// Nothing to split.
     #[error("{0} holds {1} scene folders: splitting needs two or more right below it")]
     Few(PathBuf, usize),
+    /// Another split, or one that was interrupted. To go on with fewer names would draw other parts.
+    #[error(
+        "{0} holds scenes already: nothing was changed; move them back to the set and split it anew, or choose another --out"
+    )]
+    Begun(PathBuf),
     /// The target is there.
     #[error("{0} exists already: nothing was changed; choose another --out, or remove it")]
     Exists(PathBuf),
@@ -84,8 +89,12 @@ pub struct Placement {
 /// and seed give the same parts.
 ///
 /// # Errors
-/// When there are fewer than two scenes, or a target exists.
+/// When a part holds scenes already, there are fewer than two to split, or a target exists.
 pub fn plan(dir: &Path, out: &Path, seed: u64) -> Result<Vec<Placement>, SplitError> {
+    let begun = |part: &PathBuf| fs::read_dir(part).is_ok_and(|all| all.flatten().any(|entry| is_scene(&entry.path())));
+    if let Some(part) = [Part::Train, Part::Test].map(|part| out.join(part.folder())).into_iter().find(begun) {
+        return Err(SplitError::Begun(part));
+    }
     let fail = |source| SplitError::Io { verb: "list", path: dir.into(), source, hint: "" };
     let entries: Vec<PathBuf> = fs::read_dir(dir)
         .map_err(fail)?
@@ -191,15 +200,21 @@ mod tests {
         let copied = plan(dir.path(), copy.path(), 1).unwrap();
         carry_out(&copied, true).unwrap();
         assert!(dir.path().join("scene_00").is_dir(), "copies leave the originals");
-        carry_out(&drawn(1), false).unwrap();
+        let all = drawn(1);
+        carry_out(&all[8..], false).unwrap();
+        assert!(matches!(plan(dir.path(), dir.path(), 1), Err(SplitError::Begun(part)) if part.ends_with("test")));
+        carry_out(&all[..8], false).unwrap();
         let count = |root: &Path, part: &str| fs::read_dir(root.join(part)).unwrap().count();
         for root in [dir.path(), copy.path()] {
             assert_eq!((count(root, "train"), count(root, "test")), (7, 3));
         }
         let one = copied[0].to.join("mesh.obj");
         assert_eq!(fs::read(&one).unwrap(), fs::read(dir.path().join(one.strip_prefix(copy.path()).unwrap())).unwrap());
-        assert!(matches!(plan(dir.path(), dir.path(), 1), Err(SplitError::Few(_, 0))));
-        assert!(matches!(plan(&dir.path().join("train"), copy.path(), 3), Err(SplitError::Exists(_))));
+        let new = copy.path().join("new");
+        assert!(matches!(plan(dir.path(), &new, 1), Err(SplitError::Few(_, 0))));
+        let name = copied[0].to.file_name().unwrap();
+        ["train", "test"].iter().for_each(|part| fs::create_dir_all(new.join(part).join(name)).unwrap());
+        assert!(matches!(plan(&dir.path().join("train"), &new, 3), Err(SplitError::Exists(_))));
     }
 
     #[test]

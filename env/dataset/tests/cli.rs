@@ -80,6 +80,22 @@ fn split_and_stats() {
     let again = dataset(&args);
     assert_eq!(again.status.code(), Some(1));
     assert!(stderr(&again).contains("--replace"), "{}", stderr(&again));
+    // Of four scenes, the last one is to test on.
+    let fewer = args.map(|arg| if arg == "5" { "4" } else { arg });
+    assert!(dataset(&[&fewer[..], &["--replace"]].concat()).status.success());
+    assert_eq!((count("train"), count("test")), (3, 2));
+    // Pictures of scenes that share a name.
+    let pictures = folder.path().join("pictures");
+    let scene = |part: &str, name: &str| out.join(part).join(name).to_str().unwrap().to_string();
+    std::fs::rename(scene("test", "simple_0_004"), scene("test", "simple_0_000")).unwrap();
+    let drawn = dataset(&["stats", &parts[0], &parts[1], "--quick", "--pictures", pictures.to_str().unwrap()]);
+    assert!(drawn.status.success(), "{}", stderr(&drawn));
+    let names: Vec<String> = files(&pictures).into_iter().map(|(name, _)| name).collect();
+    let [clashing, others] = [
+        ["test", "train"].map(|part| format!("{part}-simple_0_000.png")),
+        ["1", "2"].map(|n| format!("simple_0_00{n}.png")),
+    ];
+    assert!(clashing.iter().chain(&others).all(|name| names.contains(name)) && names.len() == 5, "{names:?}");
 }
 
 #[test]
@@ -96,6 +112,7 @@ fn refusals_are_clear() {
         (vec!["generate", "--level", "simple", "--out", &format!("{file}/below")], 1, "cannot write"),
         (vec!["generate", "--level", "easy", "--out", &out], 2, "simple, normal, hard or insane"),
         (vec!["generate", "--out", &out], 2, "--level"),
+        (vec!["stats", &out, "--threads", "100000"], 2, "1..=1024"),
     ] {
         let done = dataset(&args);
         assert_eq!(done.status.code(), Some(code), "{args:?}: {}", stderr(&done));
@@ -172,7 +189,7 @@ fn sets_are_split_checked_and_drawn() {
     for seed in ["5", "5"] {
         let done = dataset(&["split", &set, "--seed", seed, "--out", &parted, "--copy"]);
         let again = Path::new(&parted).join("test").exists() && !done.status.success();
-        assert!(done.status.success() || again && stderr(&done).contains("exists already"), "{}", stderr(&done));
+        assert!(done.status.success() || again && stderr(&done).contains("holds scenes already"), "{}", stderr(&done));
     }
     let checked = dataset(&["check", &parted, "--quick"]);
     let told = String::from_utf8_lossy(&checked.stdout).into_owned();

@@ -4,7 +4,7 @@ use super::{Column, Units, bar, open_wads, print_table, tell_problems, textures}
 use anyhow::{Context as _, Result, bail};
 use nbp_dataset::wad::Wad;
 use nbp_dataset::wad::textures::{TextureError, Textures};
-use nbp_dataset::{ConvertOptions, SceneBundle, convert, scene_name, write_scene};
+use nbp_dataset::{ConvertOptions, ConvertReport, convert, scene_name, write_scene};
 use nbp_env::explain::told_once;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -60,8 +60,14 @@ struct Job {
     name: String,
 }
 
+/// What the table tells of a scene.
+struct Row {
+    name: String,
+    report: ConvertReport,
+}
+
 /// What became of one map.
-type Outcome = std::result::Result<SceneBundle, String>;
+type Outcome = std::result::Result<Row, String>;
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     let files = wad_files(&args.wads)?;
@@ -141,14 +147,14 @@ fn own_textures(given: &[Arc<Wad>], wad: &Arc<Wad>, is_unwanted: bool) -> Result
     Textures::read(&given.iter().chain([wad]).cloned().collect::<Vec<_>>())
 }
 
-fn convert_one(job: &Job, args: &Args) -> Result<SceneBundle> {
+fn convert_one(job: &Job, args: &Args) -> Result<Row> {
     let mut map = job.wad.map(&job.map)?;
     map.name.clone_from(&job.name);
     let options = ConvertOptions { force: args.force, relief: args.relief, textures: job.textures.as_ref().as_ref() };
     let mut scene = convert(&map, options)?;
     scene.settings = args.units.of(scene.settings);
     write_scene(&scene, &args.out, args.replace)?;
-    Ok(scene)
+    Ok(Row { name: scene.name, report: scene.report })
 }
 
 /// The files themselves and the WADs in folders, sorted.
@@ -172,7 +178,7 @@ fn wad_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-const COLUMNS: [Column<SceneBundle>; 9] = [
+const COLUMNS: [Column<Row>; 9] = [
     Column { heading: "map m²", decimals: 0, value: |s| s.report.map_area },
     Column { heading: "floor m²", decimals: 0, value: |s| s.report.floor_area },
     Column { heading: "connected m²", decimals: 0, value: |s| s.report.plane_area },

@@ -1,10 +1,12 @@
 //! `dataset generate`.
 
 use super::{Column, Units, bar, open_wads, print_table, tell_problems, textures};
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
+use nbp_dataset::split::{Part, train_count};
 use nbp_dataset::wad::{WadError, starts, to_bytes, to_playable};
 use nbp_dataset::{
-    ConvertOptions, DoomMap, Generated, Level, WriteError, batch_seed, convert, generate, write_scene_with,
+    ConvertOptions, ConvertReport, DoomMap, Generated, Level, WriteError, batch_seed, convert, generate,
+    write_scene_with,
 };
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -14,7 +16,8 @@ const EXAMPLES: &str = "Examples:
   dataset generate --level insane --count 100 --seed 1 --out data/insane --split
 
 Scenes are called LEVEL_SEED_NUMBER. The same level, seed and number give the same bytes, whatever the count.
---split writes the first 70 % to OUT/train and the rest to OUT/test.
+--split writes the first 70 % to OUT/train and the rest to OUT/test. Another count parts the same scenes elsewhere: with
+--replace, a scene is removed from the part that it has left.
 --wad writes each map as SCENE/SCENE.wad too, as MAP01 with nodes and starts for one to four players. Play it with the
 textures of Freedoom or Doom 2: crispy-doom -iwad freedoom2.wad -file SCENE.wad -warp 1. `dataset convert` turns it back
 into the same mesh.";
@@ -52,24 +55,38 @@ pub(crate) struct Args {
     replace: bool,
 }
 
+/// What the table tells of a scene.
+struct Row {
+    name: String,
+    report: ConvertReport,
+    complexity: f64,
+    tries: u64,
+}
+
 pub(crate) fn run(args: &Args) -> Result<()> {
     if args.count == 0 {
         bail!("--count is 0: nothing to generate");
     }
     let name_of = |number: u64| format!("{}_{}_{number:03}", args.level, args.seed);
-    let parent_of = |number: u64| match args.split {
-        true if number * 10 < args.count * 7 => args.out.join("train"),
-        true => args.out.join("test"),
-        false => args.out.clone(),
+    let train = train_count(args.count as usize) as u64;
+    // Where a scene goes and, of a set in two parts, where it must not be any more.
+    let folders_of = |number: u64| {
+        let part = |part: Part| args.out.join(part.folder()).join(name_of(number));
+        match (args.split, number < train) {
+            (false, _) => (args.out.join(name_of(number)), None),
+            (true, true) => (part(Part::Train), Some(part(Part::Test))),
+            (true, false) => (part(Part::Test), Some(part(Part::Train))),
+        }
     };
     // Before the work rather than after it.
-    let existing = (0..args.count).map(|n| parent_of(n).join(name_of(n))).find(|folder| folder.exists());
+    let mut folders = (0..args.count).map(folders_of).flat_map(|(folder, other)| [Some(folder), other]).flatten();
+    let existing = folders.find(|folder| folder.exists());
     if let (Some(folder), false) = (existing, args.replace) {
         return Err(WriteError::Exists(folder).into());
     }
     let textures = textures(&open_wads(&args.textures)?)?;
     let bar = bar(args.count as usize, "generating");
-    let one = |number: u64| -> Result<Generated> {
+    let one = |number: u64| -> Result<Row> {
         let mut generated = generate(args.level, batch_seed(args.seed, number))?;
         if textures.is_some() {
             let options = ConvertOptions { textures: textures.as_ref(), ..ConvertOptions::default() };
@@ -83,16 +100,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             trouble.into_iter().for_each(|trouble| bar.suspend(|| eprintln!("{}: {trouble}", generated.scene.name)));
         }
         generated.scene.settings = args.units.of(generated.scene.settings);
-        write_scene_with(&generated.scene, &extra, &parent_of(number), args.replace)?;
+        let (folder, other) = folders_of(number);
+        write_scene_with(&generated.scene, &extra, folder.parent().unwrap_or(&args.out), args.replace)?;
+        if let Some(other) = other.filter(|other| other.exists()) {
+            std::fs::remove_dir_all(&other).with_context(|| format!("cannot remove {}", other.display()))?;
+        }
         bar.inc(1);
-        Ok(generated)
+        let Generated { scene, complexity, tries, .. } = generated;
+        Ok(Row { name: scene.name, report: scene.report, complexity, tries })
     };
-    let scenes: Vec<Generated> = (0..args.count).into_par_iter().map(one).collect::<Result<_>>()?;
+    let scenes: Vec<Row> = (0..args.count).into_par_iter().map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
-    let names: Vec<&str> = scenes.iter().map(|s| s.scene.name.as_str()).collect();
+    let names: Vec<&str> = scenes.iter().map(|s| s.name.as_str()).collect();
     print_table(&names, &scenes, &COLUMNS);
     eprintln!("{} scenes in {}", scenes.len(), args.out.display());
-    tell_problems(scenes.iter().map(|made| made.scene.report.texture_problems.as_slice()));
+    tell_problems(scenes.iter().map(|made| made.report.texture_problems.as_slice()));
     Ok(())
 }
 
@@ -105,11 +127,11 @@ fn playable(generated: &Generated) -> Result<(Vec<u8>, Option<WadError>)> {
     }
 }
 
-const COLUMNS: [Column<Generated>; 6] = [
-    Column { heading: "floor m²", decimals: 0, value: |g| g.scene.report.floor_area },
-    Column { heading: "connected m²", decimals: 0, value: |g| g.scene.report.plane_area },
+const COLUMNS: [Column<Row>; 6] = [
+    Column { heading: "floor m²", decimals: 0, value: |g| g.report.floor_area },
+    Column { heading: "connected m²", decimals: 0, value: |g| g.report.plane_area },
     Column { heading: "complexity", decimals: 1, value: |g| g.complexity },
-    Column { heading: "positions", decimals: 0, value: |g| g.scene.report.nodes as f64 },
-    Column { heading: "triangles", decimals: 0, value: |g| g.scene.report.triangles as f64 },
+    Column { heading: "positions", decimals: 0, value: |g| g.report.nodes as f64 },
+    Column { heading: "triangles", decimals: 0, value: |g| g.report.triangles as f64 },
     Column { heading: "drafts", decimals: 1, value: |g| g.tries as f64 },
 ];

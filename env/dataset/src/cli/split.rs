@@ -10,7 +10,7 @@ const EXAMPLES: &str = "Examples:
   dataset split data/maps --out data/parted --copy
 
 Draws 70 % of the scene folders right below DIR for OUT/train, the others for OUT/test. The same names and seed give the same
-parts. Nothing is overwritten.";
+parts. Nothing is overwritten, and nothing done where OUT/train or OUT/test hold scenes already.";
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]

@@ -9,7 +9,8 @@ use nbp_env::Scene;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value};
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:
   dataset stats data/simple --quick
@@ -39,7 +40,8 @@ pub(crate) struct Args {
     /// Leave out what can be seen, which takes most of the time.
     #[arg(long)]
     quick: bool,
-    /// Also draw every scene from above into this folder: floors, walls at the camera plane, positions, starts.
+    /// Also draw every scene from above into this folder: floors, walls at the camera plane, positions, starts. Scenes that
+    /// share a name are called by their path.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 }
@@ -50,10 +52,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     }
     let bar = bar(sets.iter().map(Vec::len).sum(), "measuring");
-    let one = |path: &&PathBuf| -> Result<SceneStats> {
+    let one = |(path, name): (&&PathBuf, &String)| -> Result<SceneStats> {
         let scene = Scene::load(path)?;
         if let Some(folder) = &args.pictures {
-            let file = folder.join(format!("{}.png", scene.name()));
+            let file = folder.join(format!("{name}.png"));
             let png = Picture::of(&scene, PIXEL).with_positions(&scene).image.png()?;
             std::fs::write(&file, png).with_context(|| format!("cannot write {}", file.display()))?;
         }
@@ -63,7 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Ok(stats)
     };
     let paths: Vec<&PathBuf> = sets.iter().flatten().collect();
-    let scenes: Vec<SceneStats> = paths.par_iter().map(one).collect::<Result<_>>()?;
+    let names = picture_names(&args.dirs, &sets);
+    let scenes: Vec<SceneStats> = paths.par_iter().zip(&names).map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report(&scenes)?)?);
@@ -80,6 +83,35 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         print_table(&names, &scenes, &COLUMNS);
     }
     Ok(())
+}
+
+/// A name for each scene's picture, no two the same: the scene's own or, where several have that, its path from DIR on
+/// with `-` between folders.
+fn picture_names(dirs: &[PathBuf], sets: &[Vec<PathBuf>]) -> Vec<String> {
+    let own = |path: &Path| {
+        let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+        name.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+    };
+    let mut count: BTreeMap<String, usize> = BTreeMap::new();
+    sets.iter().flatten().for_each(|path| *count.entry(own(path)).or_default() += 1);
+    let long = |dir: &Path, path: &Path| {
+        let place = dir.parent().and_then(|parent| path.strip_prefix(parent).ok()).unwrap_or(path);
+        let folders = place.parent().into_iter().flat_map(Path::components).filter_map(|folder| match folder {
+            Component::Normal(folder) => Some(folder.to_string_lossy().into_owned()),
+            _ => None,
+        });
+        folders.chain([own(path)]).collect::<Vec<_>>().join("-")
+    };
+    let mut taken = BTreeSet::new();
+    let scenes = dirs.iter().zip(sets).flat_map(|(dir, set)| set.iter().map(move |path| (dir, path)));
+    let unique = |(dir, path): (&PathBuf, &PathBuf)| {
+        let name = Some(own(path)).filter(|own| count.get(own) == Some(&1)).unwrap_or_else(|| long(dir, path));
+        let numbered = (2..).map(|n: usize| format!("{name}-{n}"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or_default();
+        taken.insert(free.clone());
+        free
+    };
+    scenes.map(unique).collect()
 }
 
 /// What `--json` prints.
