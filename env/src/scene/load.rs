@@ -120,12 +120,19 @@ fn search(
     if !visited.insert(path.canonicalize().unwrap_or_else(|_| path.into())) {
         return Ok(());
     }
-    if entries.iter().any(|entry| is_obj(entry) && entry.is_file()) {
-        found.push(path.into());
-        return Ok(());
+    let (meshes, others): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        entries.iter().partition(|entry| is_obj(entry) && entry.is_file());
+    let before = found.len();
+    let mut folders = others.iter().filter(|entry| entry.is_dir());
+    folders.try_for_each(|entry| search(entry, is_other, visited, found))?;
+    // A folder with a mesh is one scene, whatever else lies in it; but a stray mesh must not hide the scenes below.
+    match (meshes.is_empty(), found.len() > before) {
+        (false, false) => found.push(path.into()),
+        (false, true) => found.extend(meshes.into_iter().cloned()),
+        (true, _) => found.extend(others.into_iter().filter(|entry| is_other(entry) && entry.is_file()).cloned()),
     }
-    let mut inside = entries.iter().filter(|entry| entry.is_dir() || is_other(entry));
-    inside.try_for_each(|entry| search(entry, is_other, visited, found))
+    found[before..].sort();
+    Ok(())
 }
 
 /// Settings for a mesh in metres that comes without any: the floor is the height with the most horizontal area, the
@@ -166,8 +173,13 @@ fn is_obj(path: &Path) -> bool {
 }
 
 fn first_obj(folder: &Path) -> Result<PathBuf, LoadError> {
-    let is_first = |path: &PathBuf| is_obj(path) && path.is_file();
-    list(folder)?.into_iter().find(is_first).ok_or_else(|| LoadError::NoObj(folder.to_path_buf()))
+    let mut meshes: Vec<PathBuf> = list(folder)?.into_iter().filter(|path| is_obj(path) && path.is_file()).collect();
+    // Of several the one that is called like the folder, else the first.
+    let named = meshes.iter().position(|path| path.file_stem() == folder.file_name()).unwrap_or(0);
+    match meshes.is_empty() {
+        true => Err(LoadError::NoObj(folder.to_path_buf())),
+        false => Ok(meshes.swap_remove(named)),
+    }
 }
 
 fn scene_name(path: &Path, obj: &Path) -> String {
@@ -256,5 +268,10 @@ mod tests {
         let found = find_scenes(root.path()).unwrap();
         assert_eq!(found, scenes.map(|place| root.path().join(place)));
         assert!(found.iter().all(|path| Scene::load(path).is_ok()));
+        fs::write(root.path().join("stray.obj"), ROOM).unwrap();
+        assert_eq!(find_scenes(root.path()).unwrap().len(), 4, "a stray mesh hides nothing");
+        fs::write(root.path().join("train/0/0.obj"), ROOM.replace('3', "4")).unwrap();
+        let named = Scene::load(&root.path().join("train/0")).unwrap();
+        assert_eq!(named.mesh().bounds()[1].y, 4.0, "called like its folder");
     }
 }

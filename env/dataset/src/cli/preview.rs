@@ -1,7 +1,7 @@
 //! `dataset preview`.
 
 use super::{bar, scenes_in};
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use nbp_dataset::navigation::Navigation;
 use nbp_dataset::picture::Picture;
 use nbp_dataset::preview::{Tile, extent, pixel_for, sheet};
@@ -9,7 +9,7 @@ use nbp_dataset::stats::floor_area;
 use nbp_env::Scene;
 use nbp_env::scene::LoadOptions;
 use rayon::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:
   dataset preview data/simple --out simple.png
@@ -33,17 +33,20 @@ pub(crate) struct Args {
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=100))]
     columns: Option<u16>,
     /// Only the first scenes, sorted by path.
-    #[arg(long, default_value_t = 100, value_name = "N")]
-    limit: usize,
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    limit: u16,
 }
 
 pub(crate) fn run(args: &Args) -> Result<()> {
+    if args.out.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
+        bail!("--out {} is no PNG file: give it a name that ends in .png", args.out.display());
+    }
     let mut paths: Vec<PathBuf> = Vec::new();
     for dir in &args.dirs {
         paths.extend(scenes_in(dir)?);
     }
-    let left_out = paths.len().saturating_sub(args.limit);
-    paths.truncate(args.limit.max(1));
+    let left_out = paths.len().saturating_sub(usize::from(args.limit));
+    paths.truncate(usize::from(args.limit));
     let bar = bar(2 * paths.len(), "drawing");
     let measure = |path: &PathBuf| -> Result<f32> {
         let extent = extent(&Scene::load(path)?);
@@ -69,10 +72,22 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     let columns = args.columns.map_or_else(|| (1.4 * tiles.len() as f32).sqrt().round() as usize, usize::from);
     let png = sheet(&tiles, side, columns, pixel).png()?;
-    std::fs::write(&args.out, png).with_context(|| format!("cannot write {}", args.out.display()))?;
+    write_whole(&args.out, &png).with_context(|| format!("cannot write {}", args.out.display()))?;
     eprintln!("{} scenes in {}", tiles.len(), args.out.display());
     if left_out > 0 {
         eprintln!("{left_out} more were left out: raise --limit");
     }
     Ok(())
+}
+
+/// Writes a file under a hidden name first: a full disk leaves what was there.
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let partial = path.with_file_name(format!(".{name}.partial-{}", std::process::id()));
+    let written = std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, path));
+    if written.is_err() {
+        // Best effort: the first error is the one to tell.
+        drop(std::fs::remove_file(&partial));
+    }
+    written
 }
