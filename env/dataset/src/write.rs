@@ -19,6 +19,16 @@ pub enum WriteError {
     /// The scene is there already.
     #[error("{0} exists already: choose another --out, or replace it with --replace")]
     Exists(PathBuf),
+    /// Something else lies in the folder that is to be replaced.
+    #[error(
+        "{folder} holds {file:?}, which is no part of a scene: nothing was replaced; move it, or choose another --out"
+    )]
+    Foreign {
+        /// The folder.
+        folder: PathBuf,
+        /// What would be lost.
+        file: String,
+    },
     /// A name that is no folder name.
     #[error("scene name {0:?} cannot be a folder: use letters, digits, '-', '_' and '.'")]
     Name(String),
@@ -111,6 +121,9 @@ fn write_folder(
     if folder.exists() && !replace {
         return Err(WriteError::Exists(folder));
     }
+    if let Some(file) = foreign(name, &folder) {
+        return Err(WriteError::Foreign { folder, file });
+    }
     let fail = |path: &Path| {
         let path = path.to_path_buf();
         move |source| WriteError::Io { path, source }
@@ -133,6 +146,17 @@ fn write_folder(
             Err(error)
         }
     }
+}
+
+/// What lies in a folder that no scene of this name would have: a file of the user's, or a scene inside.
+fn foreign(name: &str, folder: &Path) -> Option<String> {
+    let own = ["obj", "mtl", "wad"].map(|extension| format!("{name}.{extension}"));
+    let ours =
+        |file: &str| own.iter().any(|own| own == file) || [TEXTURE, "settings.json", "import.json"].contains(&file);
+    let mut names: Vec<String> =
+        fs::read_dir(folder).ok()?.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names.into_iter().find(|file| !ours(file))
 }
 
 /// Renames a folder to its place. What was there waits under the name `old` until then: whoever is killed in between finds it.
@@ -325,6 +349,10 @@ mod tests {
         assert_eq!(loaded.starts().len(), 5);
         assert!(matches!(write_scene(&scene, parent.path(), false), Err(WriteError::Exists(_))));
         write_scene(&scene, parent.path(), true).unwrap();
+        fs::write(folder.join("thesis.txt"), "").unwrap();
+        let error = write_scene(&scene, parent.path(), true).unwrap_err().to_string();
+        assert!(error.contains("thesis.txt") && folder.join("thesis.txt").exists(), "{error}");
+        fs::remove_file(folder.join("thesis.txt")).unwrap();
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 1, "no temporary folder is left");
     }
 

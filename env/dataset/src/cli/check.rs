@@ -1,6 +1,6 @@
 //! `dataset check`.
 
-use super::{bar, scenes_in};
+use super::{bar, say, scenes_in};
 use anyhow::{Result, bail};
 use nbp_dataset::check::{Finding, Severity, check};
 use std::path::PathBuf;
@@ -36,12 +36,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     let (scenes, faults) = (checked.scenes, checked.faults());
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&checked)?);
+        say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
         for group in checked.findings.chunk_by(|a, b| (a.severity, a.kind) == (b.severity, b.kind)) {
             print_group(group);
         }
-        println!("{scenes} scenes, {faults} faults, {} warnings", checked.findings.len() - faults);
+        say!("{scenes} scenes, {faults} faults, {} warnings", checked.findings.len() - faults);
     }
     if faults > 0 {
         bail!("{} has {faults} faults", args.dir.display());
@@ -54,11 +54,11 @@ fn print_group(group: &[Finding]) {
         Severity::Fault => "fault",
         Severity::Warning => "warning",
     };
-    println!("{severity}: {}", group[0].kind);
+    say!("{severity}: {}", group[0].kind);
     for Finding { place, detail, .. } in group.iter().take(SHOWN) {
-        println!("  {}: {detail}", place.display());
+        say!("  {}: {detail}", place.display());
     }
     if group.len() > SHOWN {
-        println!("  … and {} more", group.len() - SHOWN);
+        say!("  … and {} more", group.len() - SHOWN);
     }
 }

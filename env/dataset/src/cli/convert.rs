@@ -153,6 +153,10 @@ fn convert_one(job: &Job, args: &Args) -> Result<Row> {
     let options = ConvertOptions { force: args.force, relief: args.relief, textures: job.textures.as_ref().as_ref() };
     let mut scene = convert(&map, options)?;
     scene.settings = args.units.of(scene.settings);
+    let place = |path: &Path| path.canonicalize().ok();
+    if job.path.parent().and_then(place).is_some_and(|folder| place(&args.out.join(&job.name)) == Some(folder)) {
+        bail!("the WAD lies in the folder of its scene, which would be replaced: choose another --out");
+    }
     write_scene(&scene, &args.out, args.replace)?;
     Ok(Row { name: scene.name, report: scene.report })
 }

@@ -9,6 +9,31 @@ pub(crate) mod split;
 pub(crate) mod stats;
 
 use anyhow::{Context as _, Result, bail};
+/// Prints a line of results. Where nobody reads them any more (`dataset stats … | head`), that is the end.
+macro_rules! say {
+    ($($text:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($text)*))) };
+}
+pub(crate) use say;
+
+/// The same without an end of the line.
+macro_rules! say_part {
+    ($($text:tt)*) => { $crate::cli::write_out(format_args!($($text)*)) };
+}
+pub(crate) use say_part;
+
+/// Writes to stdout, or ends the program: quietly where the other end is closed, else with the reason.
+pub(crate) fn write_out(text: std::fmt::Arguments<'_>) {
+    use std::io::Write as _;
+    if let Err(error) = std::io::stdout().write_fmt(text) {
+        if error.kind() == std::io::ErrorKind::BrokenPipe {
+            std::process::exit(0);
+        }
+        // The results are lost: there is nobody to hand the error to.
+        drop(writeln!(std::io::stderr(), "error: cannot write the results: {error}"));
+        std::process::exit(1);
+    }
+}
+
 use indicatif::{ProgressBar, ProgressStyle};
 use nbp_dataset::stats::spread;
 use nbp_dataset::wad::{Textures, Wad};
@@ -123,21 +148,21 @@ pub(crate) fn print_table<T>(names: &[&str], rows: &[T], columns: &[Column<T>]) 
     }
     let widest = names.iter().map(|name| name.len()).max().unwrap_or(0).max(12);
     let widths: Vec<usize> = columns.iter().map(|column| column.heading.len().max(13)).collect();
-    print!("{:widest$}", "scene");
-    columns.iter().zip(&widths).for_each(|(column, width)| print!("  {:>width$}", column.heading));
-    println!();
+    say_part!("{:widest$}", "scene");
+    columns.iter().zip(&widths).for_each(|(column, width)| say_part!("  {:>width$}", column.heading));
+    say!("");
     for (name, row) in names.iter().zip(rows) {
-        print!("{name:widest$}");
+        say_part!("{name:widest$}");
         for (column, width) in columns.iter().zip(&widths) {
-            print!("  {:>width$}", column.cell(row));
+            say_part!("  {:>width$}", column.cell(row));
         }
-        println!();
+        say!("");
     }
     if rows.len() > 1 {
-        print!("{:widest$}", "mean ± sd");
+        say_part!("{:widest$}", "mean ± sd");
         for (column, width) in columns.iter().zip(&widths) {
-            print!("  {:>width$}", column.spread(rows));
+            say_part!("  {:>width$}", column.spread(rows));
         }
-        println!();
+        say!("");
     }
 }

@@ -1,5 +1,6 @@
 //! `dataset split`.
 
+use super::say;
 use anyhow::Result;
 use nbp_dataset::split::{Part, carry_out, plan};
 use std::path::PathBuf;
@@ -37,7 +38,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let placements = plan(&args.dir, out, args.seed)?;
     if args.dry_run {
         for placement in &placements {
-            println!("{} -> {}", placement.from.display(), placement.to.display());
+            say!("{} -> {}", placement.from.display(), placement.to.display());
         }
     } else {
         carry_out(&placements, args.copy)?;

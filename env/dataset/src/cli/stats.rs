@@ -1,6 +1,6 @@
 //! `dataset stats`.
 
-use super::{Column, bar, print_table, scenes_in};
+use super::{Column, bar, print_table, say, say_part, scenes_in};
 use anyhow::{Context as _, Result};
 use nbp_dataset::picture::Picture;
 use nbp_dataset::stats::{SceneStats, measure, spread};
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let scenes: Vec<SceneStats> = paths.par_iter().zip(&names).map(one).collect::<Result<_>>()?;
     bar.finish_and_clear();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report(&scenes)?)?);
+        say!("{}", serde_json::to_string_pretty(&report(&scenes)?)?);
     } else if args.markdown {
         let mut rest = scenes.as_slice();
         print_markdown_head();
@@ -139,18 +139,18 @@ fn report(scenes: &[SceneStats]) -> Result<Report<'_>> {
 
 fn print_markdown_head() {
     let headings: Vec<&str> = COLUMNS.iter().map(|column| column.heading).collect();
-    println!("| set | scenes | floor m², all | {} |", headings.join(" | "));
-    println!("|---|{}", "---:|".repeat(COLUMNS.len() + 2));
+    say!("| set | scenes | floor m², all | {} |", headings.join(" | "));
+    say!("|---|{}", "---:|".repeat(COLUMNS.len() + 2));
 }
 
 fn print_markdown_row(dir: &Path, scenes: &[SceneStats]) {
     let name = dir.canonicalize().ok().and_then(|dir| Some(dir.file_name()?.to_string_lossy().into_owned()));
     let all: f64 = scenes.iter().map(|s| s.floor_area_m2).sum();
-    print!("| {} | {} | {all:.0} |", name.unwrap_or_else(|| dir.display().to_string()), scenes.len());
+    say_part!("| {} | {} | {all:.0} |", name.unwrap_or_else(|| dir.display().to_string()), scenes.len());
     for column in &COLUMNS {
-        print!(" {} |", column.spread(scenes));
+        say_part!(" {} |", column.spread(scenes));
     }
-    println!();
+    say!("");
 }
 
 const COLUMNS: [Column<SceneStats>; 15] = [
