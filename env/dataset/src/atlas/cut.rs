@@ -13,7 +13,7 @@ pub(super) struct Corner {
 }
 
 /// Tiles by which a corner may lie off a line and still be taken for on it.
-const SLACK: f64 = 1e-4;
+pub(super) const SLACK: f64 = 1e-4;
 
 /// Vertices, and the edges cut so far.
 #[derive(Debug, Clone, Default)]
@@ -89,13 +89,21 @@ impl Cutter {
     }
 
     fn add_between(&self, a: &Corner, b: &Corner, whole: &mut Vec<Corner>) {
-        let edge = [a.vertex.min(b.vertex), a.vertex.max(b.vertex)];
-        let Some(&(vertex, t)) = self.cuts.get(&edge) else { return };
+        let (mut from, mut ends) = (*a, vec![*b]);
+        while let Some(to) = ends.pop() {
+            if let Some(middle) = self.middle(&from, &to) {
+                ends.extend([to, middle]);
+            } else {
+                whole.extend((!ends.is_empty()).then_some(to));
+                from = to;
+            }
+        }
+    }
+
+    fn middle(&self, a: &Corner, b: &Corner) -> Option<Corner> {
+        let &(vertex, t) = self.cuts.get(&[a.vertex.min(b.vertex), a.vertex.max(b.vertex)])?;
         let t = if a.vertex < b.vertex { t } else { 1.0 - t };
-        let middle = Corner { vertex, uv: lerp(a.uv, b.uv, t) };
-        self.add_between(a, &middle, whole);
-        whole.push(middle);
-        self.add_between(&middle, b, whole);
+        Some(Corner { vertex, uv: lerp(a.uv, b.uv, t) })
     }
 
     /// Triangles of a convex face; call it when all faces are cut.

@@ -1,7 +1,8 @@
 //! The images of a mesh on one sheet, for formats that know one texture.
 //!
 //! `Mesh + Appearance → cut → pack → Baked`. Images that repeat are repeated on the sheet as often as their largest face
-//! needs, up to [`MAX_BLOCK`]; faces that span more are cut at tile borders. A border of wrapped texels around each block
+//! needs, up to [`MAX_BLOCK`]; faces that span more are cut at tile borders, and those that span absurdly many tiles show the
+//! mean of their image. A border of wrapped texels around each block
 //! keeps interpolation off its neighbours.
 
 mod cut;
@@ -22,6 +23,15 @@ const MAX_HALVINGS: u32 = 13;
 
 /// Wrapped texels on each side of a block.
 const GUTTER: usize = 2;
+
+/// Pieces into which a face is cut at most.
+const MAX_PIECES: f64 = 4096.0;
+
+/// Cuts in a mesh at most.
+const MAX_CUTS: f64 = (1 << 20) as f64;
+
+/// Largest texture coordinate, tiles: beyond it `f32` hardly tells the texels of a tile apart.
+const MAX_UV: f64 = 1e6;
 
 /// Texels that do not count when the extent of a face is measured.
 const SLACK: f64 = 0.1;
@@ -71,23 +81,29 @@ pub(crate) fn bake(mesh: &Mesh, appearance: &Appearance) -> Option<Baked> {
     let mut cutter = Cutter::new(vertices);
     let mut faces = Vec::with_capacity(triangles.len());
     let mut colours: Vec<[[u8; 3]; 3]> = Vec::new();
-    let mut number_of = HashMap::new();
+    let (mut number_of, mut means, mut cuts) = (HashMap::new(), HashMap::new(), 0.0);
     for (&triangle, paint) in triangles.iter().zip(&appearance.paints) {
         let face = |uv: [[f64; 2]; 3]| [0, 1, 2].map(|n| Corner { vertex: triangle[n], uv: uv[n] }).to_vec();
-        match *paint {
-            Paint::Corners(corners) => {
-                let number = *number_of.entry(corners).or_insert(colours.len());
-                if number == colours.len() {
-                    colours.push(corners);
-                }
-                let corners = face([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]]);
-                faces.push(Face { corners, block: images.len() + number, origin: [0.0; 2] });
-            }
+        let corner_colours = match *paint {
+            Paint::Corners(corners) => corners,
             Paint::Image { image, corners } => {
+                let (number, image) = (image as usize, &images[image as usize]);
                 let corners = face(corners.map(|uv| uv.to_array().map(f64::from)));
-                cut(&mut cutter, corners, image as usize, &images[image as usize], &mut faces);
+                let more = pieces(&corners, image) - 1.0;
+                if more < MAX_PIECES && cuts + more <= MAX_CUTS {
+                    cuts += more;
+                    cut(&mut cutter, corners, number, image, &mut faces);
+                    continue;
+                }
+                [*means.entry(number).or_insert_with(|| mean(image)); 3]
             }
+        };
+        let number = *number_of.entry(corner_colours).or_insert(colours.len());
+        if number == colours.len() {
+            colours.push(corner_colours);
         }
+        let corners = face([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]]);
+        faces.push(Face { corners, block: images.len() + number, origin: [0.0; 2] });
     }
     // Tiles that each image needs along each axis.
     let mut needs = vec![[UNUSED; 2]; images.len()];
@@ -138,15 +154,37 @@ fn weld(mesh: &Mesh) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (vertices, mesh.triangles().iter().map(|t| t.map(|v| numbers[v as usize])).collect())
 }
 
+/// Pieces that [`cut`] makes of a face at most; infinitely many where its coordinates are too large to tell.
+fn pieces(face: &[Corner], image: &Image) -> f64 {
+    let along = |(axis, side)| {
+        let [low, high] = range(face, axis);
+        if low < -MAX_UV || high > MAX_UV { f64::INFINITY } else { ((high - low) / period(side)).ceil() + 1.0 }
+    };
+    match [(0, image.width), (1, image.height)].map(along) {
+        [columns, rows] if columns <= 2.0 && rows <= 2.0 => 1.0,
+        [columns, rows] => columns * rows,
+    }
+}
+
+/// Tiles of a side of so many texels that a block holds.
+fn period(side: usize) -> f64 {
+    (MAX_BLOCK / side).max(1) as f64
+}
+
+/// Tiles of a side of so many texels that do not count.
+fn slack(side: usize) -> f64 {
+    (SLACK / side as f64).max(cut::SLACK)
+}
+
 /// Cuts a face where it spans more tiles than its image's block will hold.
 fn cut(cutter: &mut Cutter, face: Vec<Corner>, block: usize, image: &Image, faces: &mut Vec<Face>) {
     let sides = [image.width, image.height];
     let mut parts = vec![face];
     for (axis, side) in sides.into_iter().enumerate() {
-        let period = (MAX_BLOCK / side).max(1) as f64;
+        let period = period(side);
         let fits = |face: &[Corner]| {
             let [low, high] = range(face, axis);
-            high - first_tile(low, side) <= period + SLACK / side as f64
+            high - first_tile(low, side) <= period + slack(side)
         };
         let cut = |face: Vec<Corner>| if fits(&face) { vec![face] } else { cutter.cut(face, axis, period) };
         parts = parts.into_iter().flat_map(cut).collect();
@@ -158,7 +196,14 @@ fn cut(cutter: &mut Cutter, face: Vec<Corner>, block: usize, image: &Image, face
 }
 
 fn first_tile(low: f64, side: usize) -> f64 {
-    (low + SLACK / side as f64).floor()
+    (low + slack(side)).floor()
+}
+
+/// Mean colour.
+fn mean(image: &Image) -> [u8; 3] {
+    let sum =
+        image.pixels.iter().fold([0; 3], |sum: [usize; 3], texel| [0, 1, 2].map(|n| sum[n] + usize::from(texel[n])));
+    sum.map(|channel| (channel / image.pixels.len().max(1)) as u8)
 }
 
 fn blocks<'a>(images: &'a [Image], needs: &[[f64; 2]], colours: &[[[u8; 3]; 3]], halvings: u32) -> Vec<Block<'a>> {
@@ -304,6 +349,38 @@ mod tests {
         assert!(compared > 60);
         let coloured = baked.uvs.last().unwrap().map(|uv| lookup(&baked.sheet, uv.to_array().map(f64::from)));
         assert_eq!(coloured, [[0, 10, 20], [255, 0, 0], [0, 0, 200]]);
+    }
+
+    #[test]
+    fn faces_of_absurdly_many_tiles_show_the_mean() {
+        let appearance = |u: [f32; 3]| Appearance {
+            images: vec![Image { width: 2, height: 512, pixels: [[0, 40, 0], [200, 0, 0]].repeat(512) }],
+            paints: vec![Paint::Image { image: 0, corners: [0, 1, 2].map(|n| Vec2::new(0.3 * n as f32, u[n])) }],
+        };
+        let baked = |u: [f32; 3]| {
+            let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+            let mesh = Mesh::painted(corners, vec![[0, 1, 2]], appearance(u)).unwrap();
+            bake(&mesh, mesh.appearance().unwrap()).unwrap()
+        };
+        for absurd in [[1e17, 1e17, 2e17], [0.0, 1e8, 0.0], [0.0, 5000.0, 0.0], [f32::MAX, f32::MIN, 0.0]] {
+            let baked = baked(absurd);
+            assert_eq!((baked.triangles.len(), baked.sheet.pixels[0]), (1, [100, 20, 0]), "{absurd:?}");
+        }
+        assert!(baked([0.0, 1000.0, 0.0]).triangles.len() >= 1000);
+    }
+
+    /// A side of 4000 texels has less than 1e-4 tiles to a tenth of a texel: cuts and blocks must agree on what counts.
+    #[test]
+    fn a_hair_before_a_tile_makes_no_larger_block() {
+        let [low, high] = [1.0 - 0.6e-4, 1.5].map(|u| Vec2::new(u, 0.0));
+        let appearance = Appearance {
+            images: vec![Image { width: 4000, height: 1, pixels: vec![[7; 3]; 4000] }],
+            paints: vec![Paint::Image { image: 0, corners: [low, high, low.with_y(0.5)] }],
+        };
+        let mesh = Mesh::painted(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]], appearance).unwrap();
+        let baked = bake(&mesh, mesh.appearance().unwrap()).unwrap();
+        assert_eq!((baked.triangles.len(), baked.halvings), (1, 0));
+        assert!(baked.sheet.width < 4200, "{}", baked.sheet.width);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 
 use nbp_dataset::import::{Format, ImportOptions, import, parse};
 use nbp_dataset::wad::{Textures, Wad};
+use nbp_dataset::write::Model;
 use nbp_dataset::{ConvertOptions, convert, to_scene};
 use nbp_env::Scene;
 use nbp_env::scene::load::LoadOptions;
@@ -93,6 +94,10 @@ fn use_scene(scene: &Scene) {
     assert!(frame.depth.iter().all(|depth| (0.0..=Camera::default().range).contains(depth)));
     assert!(surface::sample(scene, 100).iter().all(|point| point.is_finite()));
     ObstacleGrid::draw(scene.walls(), WindowSize { pixels: 256, metres: 40.0 });
+    // Refused only where the colours do not fit on a sheet.
+    if let Ok(model) = Model::of(scene.name(), scene.mesh(), 1.0) {
+        assert!(model.obj.contains("\nf "));
+    }
 }
 
 fn told(error: impl std::fmt::Display) -> String {
