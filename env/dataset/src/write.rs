@@ -91,7 +91,7 @@ pub struct Written {
     pub halvings: u32,
 }
 
-/// Writes a scene of any origin: [`write_scene`] for a mesh and settings in metres.
+/// Writes a scene of any origin: [`write_scene_with`] for a mesh and settings in metres.
 ///
 /// # Errors
 /// When the folder exists and `replace` is false, or the file system refuses.
@@ -99,10 +99,11 @@ pub fn write_mesh(
     name: &str,
     mesh: &Mesh,
     settings: &Settings,
+    extra: &[(String, Vec<u8>)],
     parent: &Path,
     replace: bool,
 ) -> Result<Written, WriteError> {
-    write_folder(name, mesh, settings, &[], parent, replace)
+    write_folder(name, mesh, settings, extra, parent, replace)
 }
 
 fn write_folder(

@@ -174,6 +174,11 @@ fn scans_become_scenes() {
     );
     let again = dataset(&args);
     assert!(again.status.code() == Some(1) && stderr(&again).contains("--replace"), "{}", stderr(&again));
+    // A name is taken once, even where scenes may be replaced.
+    std::fs::create_dir(path("other")).unwrap();
+    std::fs::write(path("other/my room.obj"), room).unwrap();
+    let twice = dataset(&["import", &path("my room.obj"), &path("other/my room.obj"), "--out", &out, "--replace"]);
+    assert!(stderr(&twice).contains("1 scenes") && stderr(&twice).contains("like another"), "{}", stderr(&twice));
     let zero = dataset(&["import", &path("my room.obj"), "--scale", "0", "--out", &out]);
     assert!(zero.status.code() == Some(2) && stderr(&zero).contains("positive"), "{}", stderr(&zero));
 }

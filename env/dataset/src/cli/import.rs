@@ -1,10 +1,11 @@
 //! `dataset import`.
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use nbp_dataset::import::{Assumptions, ImportOptions, Imported, Source, StoreyReport, Up, import, parse_file};
 use nbp_dataset::{WriteError, scene_name, write_mesh};
 use nbp_env::explain::told_once;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "Examples:
@@ -53,9 +54,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.name.is_some() && args.files.len() > 1 {
         bail!("--name is for a single file: leave it out, and the scenes are called like their files");
     }
-    let (mut scenes, mut refused) = (0, Vec::new());
+    let (mut scenes, mut refused, mut names) = (0, Vec::new(), BTreeSet::new());
     for file in &args.files {
-        match one(file, args) {
+        match one(file, args, &mut names) {
             Ok(count) => scenes += count,
             Err(error) => {
                 let reason = told_once(error.chain().map(ToString::to_string));
@@ -73,25 +74,28 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn one(file: &Path, args: &Args) -> Result<usize> {
+/// Scenes written of a file; `names` are those of files before it.
+fn one(file: &Path, args: &Args, names: &mut BTreeSet<String>) -> Result<usize> {
     let name = args.name.clone().unwrap_or_else(|| scene_name(file, "", 1));
     let (scan, format) = parse_file(file)?;
     let options = ImportOptions { up: args.up, scale: args.scale, storey: args.storey };
     let (scenes, assumed) = import(scan, format, &name, &options)?;
     // Before the first is written rather than after it.
+    if let Some(scene) = scenes.iter().find(|scene| names.contains(&scene.name)) {
+        bail!("its scene would be called {}, like another: rename the file", scene.name);
+    }
     let existing = scenes.iter().map(|scene| args.out.join(&scene.name)).find(|folder| folder.exists());
     if let (Some(folder), false) = (existing, args.replace) {
         return Err(WriteError::Exists(folder).into());
     }
+    names.extend(scenes.iter().map(|scene| scene.name.clone()));
     println!("{}", file.display());
     tell(&assumed);
     for scene in &scenes {
-        let written = write_mesh(&scene.name, &scene.mesh, &scene.settings, &args.out, args.replace)?;
         let record =
             Record { file: file.display().to_string(), scene: &scene.name, assumed: &assumed, storey: &scene.report };
-        let path = written.folder.join("import.json");
-        let text = serde_json::to_string_pretty(&record)?;
-        std::fs::write(&path, text + "\n").with_context(|| format!("cannot write {}", path.display()))?;
+        let record = ("import.json".into(), (serde_json::to_string_pretty(&record)? + "\n").into_bytes());
+        let written = write_mesh(&scene.name, &scene.mesh, &scene.settings, &[record], &args.out, args.replace)?;
         tell_scene(scene);
         if written.halvings > 0 {
             println!("    its images are at 1/{} of their size, to fit on one", 1_u64 << written.halvings);
