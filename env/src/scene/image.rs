@@ -13,6 +13,9 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 /// Images of more pixels are refused: 4096 × 4096, four times the published texture.
 const MAX_PIXELS: usize = 1 << 24;
 
+/// Pixels that the images of one mesh may have together: eight of the largest.
+pub const MAX_TOTAL: usize = 8 * MAX_PIXELS;
+
 /// Most bytes that one byte of a deflate stream stands for, from the format's definition (RFC 1951).
 const DEFLATE_RATIO: usize = 1032;
 
@@ -30,6 +33,9 @@ pub enum ImageError {
         /// From its header.
         height: usize,
     },
+    /// More pixels than a mesh may have.
+    #[error("the images of the mesh have more than {MAX_TOTAL} pixels together: scale them down")]
+    Total,
     /// More pixels than the file can hold.
     #[error(
         "its header says {width} x {height} pixels, more than its {bytes} bytes can hold: the file is cut off or broken"
@@ -66,6 +72,21 @@ impl Image {
         } else {
             Err(ImageError::Format)
         }
+    }
+
+    /// The same for one of several images: `used` counts their pixels, and past [`MAX_TOTAL`] nothing is decoded any more.
+    ///
+    /// # Errors
+    /// As [`Self::decode`], and [`ImageError::Total`].
+    pub fn decode_counted(bytes: &[u8], used: &mut usize) -> Result<Self, ImageError> {
+        if *used <= MAX_TOTAL {
+            let image = Self::decode(bytes)?;
+            *used += image.pixels.len();
+            if *used <= MAX_TOTAL {
+                return Ok(image);
+            }
+        }
+        Err(ImageError::Total)
     }
 
     fn of(width: usize, height: usize, pixels: Vec<[u8; 3]>) -> Self {
@@ -143,6 +164,15 @@ pub(super) mod tests {
         writer.write_image_data(data).unwrap();
         writer.finish().unwrap();
         bytes
+    }
+
+    #[test]
+    fn the_images_of_a_mesh_have_a_limit() {
+        let bytes = png(2, 1, ColorType::Rgb, &[9, 8, 7, 6, 5, 4]);
+        let mut used = MAX_TOTAL - 3;
+        assert!(Image::decode_counted(&bytes, &mut used).is_ok());
+        assert_eq!(Image::decode_counted(&bytes, &mut used), Err(ImageError::Total));
+        assert_eq!(Image::decode_counted(b"not even looked at", &mut used), Err(ImageError::Total));
     }
 
     #[test]

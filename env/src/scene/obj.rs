@@ -373,6 +373,8 @@ struct Slot {
 #[derive(Default)]
 struct Palette {
     images: Vec<Image>,
+    /// Of all images.
+    pixels: usize,
     /// By the material's number; `None` where nothing defines it.
     slots: Vec<Option<Slot>>,
 }
@@ -434,10 +436,11 @@ impl Palette {
     ) -> Result<(u32, [Vec2; 2]), ObjError> {
         let missing = || ObjError::NoImage { path: mtl.into(), line: map.line, image: map.file.clone() };
         let path = beside(mtl, &map.file).ok_or_else(missing)?;
+        let path = fs::canonicalize(&path).unwrap_or(path);
         let number = match numbers.get(&path) {
             Some(&number) => number,
             None => {
-                let image = Image::decode(&read(&path)?);
+                let image = Image::decode_counted(&read(&path)?, &mut self.pixels);
                 self.images.push(image.map_err(|source| ObjError::Image { path: path.clone(), source })?);
                 let number = self.images.len() as u32 - 1;
                 numbers.insert(path, number);
@@ -524,6 +527,13 @@ mod tests {
         assert_eq!(Obj::parse(&path, text.as_bytes(), false).unwrap().triangles.len(), 3);
         assert!(obj.notes.len() == 1 && obj.notes[0].contains("none.mtl"), "{:?}", obj.notes);
         drop(folder);
+    }
+
+    #[test]
+    fn images_are_read_once_whatever_the_spelling() {
+        let (folder, path) = folder(Some(&LIBRARY.replace("Kd 1 0 0", "map_Kd sub/../tile.png")), true);
+        fs::create_dir(folder.path().join("sub")).unwrap();
+        assert_eq!(Obj::read(&path, true).unwrap().appearance.unwrap().images.len(), 1);
     }
 
     #[test]

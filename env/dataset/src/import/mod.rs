@@ -23,10 +23,11 @@ pub use scan::Scan;
 use glam::Vec3;
 use nbp_env::scene::{Mesh, RayIndex, Settings};
 use serde::Serialize;
-use std::fmt;
+use std::cell::Cell;
 use std::path::Path;
+use std::{fmt, fs, io};
 
-/// A larger file is not read, bytes.
+/// A larger file is not read, and no more of all files beside it, bytes.
 const MAX_BYTES: u64 = 4 << 30;
 
 /// A larger building is not read, metres.
@@ -88,19 +89,34 @@ pub fn parse_file(path: &Path) -> Result<(Scan, Format), ImportError> {
             advice: "export the scan as one of these",
         });
     };
-    let missing = |e: std::io::Error| ImportError::Missing { name: path.display().to_string(), reason: e.to_string() };
-    let length = std::fs::metadata(path).map_err(missing)?.len();
+    let missing = |e: io::Error| ImportError::Missing { name: path.display().to_string(), reason: e.to_string() };
+    let length = fs::metadata(path).map_err(missing)?.len();
     if length > MAX_BYTES {
         return Err(ImportError::TooLarge { what: format!("a file of {length} bytes"), limit: MAX_BYTES });
     }
-    let bytes = std::fs::read(path).map_err(missing)?;
+    let bytes = read_file(path, MAX_BYTES).map_err(missing)?;
     Ok((read(&bytes, format, Some(path))?, format))
 }
 
+/// A regular file, because reading a device or a pipe may never end.
+fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let file = fs::metadata(path)?;
+    if !file.is_file() {
+        return Err(io::Error::other("it is no regular file"));
+    }
+    if file.len() > most {
+        return Err(io::Error::other(format!("its {} bytes are more than the {most} that are read", file.len())));
+    }
+    fs::read(path)
+}
+
 fn read(bytes: &[u8], format: Format, path: Option<&Path>) -> Result<Scan, ImportError> {
+    let spare = Cell::new(MAX_BYTES);
     let beside = |name: &str| {
         let folder = path.ok_or("it is not looked for")?.parent().unwrap_or(Path::new("."));
-        std::fs::read(folder.join(name)).map_err(|e| e.to_string())
+        let bytes = read_file(&folder.join(name), spare.get()).map_err(|e| e.to_string())?;
+        spare.set(spare.get().saturating_sub(bytes.len() as u64));
+        Ok(bytes)
     };
     let mut scan = match format {
         Format::Obj => obj::read(bytes, path)?,

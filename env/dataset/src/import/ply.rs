@@ -8,6 +8,7 @@ use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 
 fn refuse(place: impl Into<String>, reason: impl ToString) -> ImportError {
@@ -121,20 +122,18 @@ fn least_bytes(format: PlyFormat, property: &PropertyType) -> usize {
 /// The images named in comments; `None` for one that cannot be had.
 fn textures(header: &PlyHeader, beside: &Beside<'_>, scan: &mut Scan) -> Vec<Option<u32>> {
     let names = header.comments.iter().filter_map(|comment| comment.strip_prefix("TextureFile "));
-    let mut found = Vec::new();
-    for name in names {
-        match beside(name.trim()).and_then(|bytes| Image::decode(&bytes).map_err(|e| e.to_string())) {
-            Ok(image) => {
-                found.push(Some(scan.images.len() as u32));
-                scan.images.push(image);
-            }
-            Err(reason) => {
+    let (mut known, mut pixels) = (BTreeMap::new(), 0);
+    let mut read = |name: &str| {
+        let image = beside(name)
+            .and_then(|bytes| Image::decode_counted(&bytes, &mut pixels).map_err(|error| error.to_string()))
+            .map_err(|reason| {
                 scan.notes.push(format!("texture {name}: {reason}; its faces have the colours of their corners"));
-                found.push(None);
-            }
-        }
-    }
-    found
+            })
+            .ok()?;
+        scan.images.push(image);
+        Some(scan.images.len() as u32 - 1)
+    };
+    names.map(|name| *known.entry(name.trim()).or_insert_with(|| read(name.trim()))).collect()
 }
 
 #[derive(Deserialize)]

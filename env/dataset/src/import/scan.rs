@@ -2,6 +2,7 @@
 
 use super::ImportError;
 use glam::{Vec2, Vec3};
+use nbp_env::scene::polygon::{MAX_CORNERS, triangulate};
 use nbp_env::scene::{Appearance, Image, Paint};
 use std::collections::HashMap;
 
@@ -40,6 +41,10 @@ impl Scan {
         if let Some(&vertex) = corners.iter().find(|&&corner| corner as usize >= count) {
             return Err(ImportError::Index { face, vertex, count });
         }
+        if corners.len() > MAX_CORNERS {
+            let what = format!("face {face} with {} corners", corners.len());
+            return Err(ImportError::TooLarge { what, limit: MAX_CORNERS as u64 });
+        }
         let mut add = |triangle: [usize; 3]| {
             self.triangles.push(triangle.map(|at| corners[at]));
             match *paint {
@@ -52,11 +57,18 @@ impl Scan {
         };
         if corners.len() == 3 {
             add([0, 1, 2]);
-            return Ok(());
+        } else {
+            let positions: Vec<Vec3> = corners.iter().map(|&corner| self.vertices[corner as usize]).collect();
+            triangulate(&positions).into_iter().for_each(add);
         }
-        let positions: Vec<Vec3> = corners.iter().map(|&corner| self.vertices[corner as usize]).collect();
-        nbp_env::scene::polygon::triangulate(&positions).into_iter().for_each(add);
-        Ok(())
+        self.check_size()
+    }
+
+    fn check_size(&self) -> Result<(), ImportError> {
+        match self.triangles.len() as u64 {
+            0..=MAX_TRIANGLES => Ok(()),
+            count => Err(ImportError::TooLarge { what: format!("a mesh of {count} triangles"), limit: MAX_TRIANGLES }),
+        }
     }
 
     /// The colours in the form that a mesh takes.
@@ -67,6 +79,7 @@ impl Scan {
 
     /// Refuses coordinates that are not finite, joins vertices at the same place and drops triangles without an area.
     pub(super) fn clean(&mut self) -> Result<(), ImportError> {
+        self.check_size()?;
         if let Some(vertex) = self.vertices.iter().position(|v| !v.is_finite()) {
             return Err(ImportError::NotFinite { vertex, position: self.vertices[vertex].to_array() });
         }
@@ -121,4 +134,19 @@ impl Scan {
 fn retain<T>(items: &mut Vec<T>, kept: &[bool]) {
     let mut kept = kept.iter();
     items.retain(|_| *kept.next().unwrap_or(&false));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_and_meshes_have_a_limit() {
+        let mut scan = Scan { vertices: vec![Vec3::ZERO, Vec3::X, Vec3::Y], ..Scan::default() };
+        let corners: Vec<u32> = (0..3).cycle().take(MAX_CORNERS + 1).collect();
+        let refused = scan.add_face(7, &corners, &FacePaint::Bare).unwrap_err().to_string();
+        assert!(refused.contains("face 7 with 4097 corners"), "{refused}");
+        scan.triangles = vec![[0; 3]; MAX_TRIANGLES as usize + 1];
+        assert!(matches!(scan.clean(), Err(ImportError::TooLarge { limit: MAX_TRIANGLES, .. })));
+    }
 }

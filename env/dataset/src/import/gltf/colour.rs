@@ -12,7 +12,7 @@ use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use nbp_env::scene::{Image, Paint};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// White is what a mesh without any colour has; it is then left bare.
 const WHITE: [u8; 3] = [255; 3];
@@ -33,14 +33,17 @@ pub(super) struct Palette<'a> {
     buffers: &'a Buffers<'a>,
     beside: &'a Beside<'a>,
     images: Vec<Image>,
+    /// Of all images.
+    pixels: usize,
     /// By image and the bits of the factor; `None` for one that cannot be had.
     known: BTreeMap<(usize, [u32; 3]), Option<u32>>,
-    notes: Vec<String>,
+    notes: BTreeSet<String>,
 }
 
 impl<'a> Palette<'a> {
     pub(super) fn new(root: &'a Root, buffers: &'a Buffers<'a>, beside: &'a Beside<'a>) -> Self {
-        Self { root, buffers, beside, images: Vec::new(), known: BTreeMap::new(), notes: Vec::new() }
+        let (known, notes) = (BTreeMap::new(), BTreeSet::new());
+        Self { root, buffers, beside, images: Vec::new(), pixels: 0, known, notes }
     }
 
     /// The colours of a primitive with `count` vertices.
@@ -76,11 +79,13 @@ impl<'a> Palette<'a> {
 
     fn image(&mut self, texture: usize, factor: Vec3) -> Option<u32> {
         let factor = factor.clamp(Vec3::ZERO, Vec3::ONE);
-        let key = (texture, factor.to_array().map(f32::to_bits));
+        let source = self.source(texture);
+        let source = source.map_err(|reason| self.tell(&format!("texture {texture}"), reason)).ok()?;
+        let key = (source, factor.to_array().map(f32::to_bits));
         if let Some(&known) = self.known.get(&key) {
             return known;
         }
-        let found = match self.decode(texture) {
+        let found = match self.decode(source) {
             Ok(mut image) => {
                 if factor != Vec3::ONE {
                     tint(&mut image, factor);
@@ -89,7 +94,7 @@ impl<'a> Palette<'a> {
                 Some(self.images.len() as u32 - 1)
             }
             Err(reason) => {
-                self.notes.push(format!("texture {texture}: {reason}; its base colour stands in for it"));
+                self.tell(&format!("image {source}"), &reason);
                 None
             }
         };
@@ -97,19 +102,28 @@ impl<'a> Palette<'a> {
         found
     }
 
-    fn decode(&self, texture: usize) -> Result<Image, String> {
+    fn tell(&mut self, what: &str, reason: &str) {
+        self.notes.insert(format!("{what}: {reason}; its base colour stands in for it"));
+    }
+
+    /// The number of a texture's image.
+    fn source(&self, texture: usize) -> Result<usize, &'static str> {
         let texture = self.root.textures.get(texture).ok_or("there is none of this number")?;
         // The crate's word for "no source".
         if texture.source.value() == u32::MAX as usize {
-            return Err("its image is in an extension that is not read (Basis, WebP)".into());
+            return Err("its image is in an extension that is not read (Basis, WebP)");
         }
-        let image = self.root.images.get(texture.source.value()).ok_or("its image does not exist")?;
+        Ok(texture.source.value())
+    }
+
+    fn decode(&mut self, source: usize) -> Result<Image, String> {
+        let image = self.root.images.get(source).ok_or("it does not exist")?;
         let bytes = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => fetch(uri, self.beside).map_err(|e| e.to_string())?,
             (None, Some(view)) => self.buffers.view(view.value()).map_err(|e| e.to_string())?.0.to_vec(),
-            (None, None) => return Err("its image has no data".into()),
+            (None, None) => return Err("it has no data".into()),
         };
-        Image::decode(&bytes).map_err(|e| e.to_string())
+        Image::decode_counted(&bytes, &mut self.pixels).map_err(|e| e.to_string())
     }
 
     /// Hands over the images and what was said; a mesh that is white all over has no colours.

@@ -148,22 +148,43 @@ fn gltf_textures_factors_and_vertex_colours() {
     let image = glb.view(png.into_iter());
     let textured = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#;
     let compressed = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":1},"baseColorFactor":[0,1,0,1]}}"#;
-    let [textured, compressed] = [textured, compressed].map(|text| glb.raw_material(text));
+    let again = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":2}}}"#;
+    let [textured, compressed, again] = [textured, compressed, again].map(|text| glb.raw_material(text));
     glb.more = format!(
-        r#","textures":[{{"source":0}},{{"extensions":{{"KHR_texture_basisu":{{"source":0}}}}}}],"images":[{{"bufferView":{image},"mimeType":"image/png"}}],"extensionsRequired":["KHR_texture_basisu"]"#
+        r#","textures":[{{"source":0}},{{"extensions":{{"KHR_texture_basisu":{{"source":0}}}}}},{{"source":0}}],"images":[{{"bufferView":{image},"mimeType":"image/png"}}],"extensionsRequired":["KHR_texture_basisu"]"#
     );
     let attributes = format!(r#""POSITION":{positions},"TEXCOORD_0":{uv}"#);
     let mesh = format!(
-        r#"{{"primitives":[{{"attributes":{{{attributes}}},"material":{textured}}},{{"attributes":{{{attributes}}},"material":{compressed}}},{{"attributes":{{"POSITION":{positions},"COLOR_0":{colours}}}}},{{"attributes":{{"POSITION":{positions}}},"mode":1}}]}}"#
+        r#"{{"primitives":[{{"attributes":{{{attributes}}},"material":{textured}}},{{"attributes":{{{attributes}}},"material":{compressed}}},{{"attributes":{{"POSITION":{positions},"COLOR_0":{colours}}}}},{{"attributes":{{"POSITION":{positions}}},"mode":1}},{{"attributes":{{{attributes}}},"material":{again}}}]}}"#
     );
     let scan = parse(&glb.file(&[mesh], &[r#"{"mesh":0}"#.into()]), Format::Gltf).unwrap();
     let corners = [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(0.0, 0.0)];
     assert_eq!(scan.paints[0], Paint::Image { image: 0, corners });
     assert_eq!(scan.images[0].pixels, [[255, 0, 0], [10, 20, 30]]);
+    assert_eq!((scan.images.len(), scan.paints[3]), (1, scan.paints[0]), "two textures of one image");
     assert_eq!(scan.paints[1], Paint::Corners([[0, 255, 0]; 3]));
     assert_eq!(scan.paints[2], Paint::Corners([[255, 0, 0], [0, 255, 0], [0, 0, 255]]));
     let notes = scan.notes.join("\n");
     assert!(notes.contains("Basis") && notes.contains("1 primitives of points or lines"), "{notes}");
+}
+
+#[test]
+fn files_beside_a_scan_are_read_once_and_only_if_regular() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut png = Vec::new();
+    let mut writer = png::Encoder::new(&mut png, 1, 1).write_header().unwrap();
+    writer.write_image_data(&[7]).unwrap();
+    writer.finish().unwrap();
+    fs::write(folder.path().join("a.png"), png).unwrap();
+    let ply = String::from_utf8(House::two_rooms().ply(None)).unwrap();
+    let names = ["a.png", "a.png", ".", "."].map(|name| format!("comment TextureFile {name}\n")).concat();
+    let path = folder.path().join("house.ply");
+    fs::write(&path, ply.replacen("comment made here\n", &names, 1)).unwrap();
+    let (scan, _) = parse_file(&path).unwrap();
+    let told = scan.notes.iter().filter(|note| note.contains("it is no regular file")).count();
+    assert_eq!((scan.images.len(), told), (1, 1), "{:?}", scan.notes);
+    fs::create_dir(folder.path().join("folder.ply")).unwrap();
+    assert!(parse_file(&folder.path().join("folder.ply")).unwrap_err().to_string().contains("no regular file"));
 }
 
 #[test]
