@@ -1,5 +1,6 @@
 //! `dataset import`.
 
+use super::say;
 use anyhow::{Result, bail};
 use nbp_dataset::import::{Assumptions, ImportOptions, Imported, Source, StoreyReport, Up, import, parse_file};
 use nbp_dataset::{WriteError, scene_name, write_mesh};
@@ -89,7 +90,7 @@ fn one(file: &Path, args: &Args, names: &mut BTreeSet<String>) -> Result<usize> 
         return Err(WriteError::Exists(folder).into());
     }
     names.extend(scenes.iter().map(|scene| scene.name.clone()));
-    println!("{}", file.display());
+    say!("{}", file.display());
     tell(&assumed);
     for scene in &scenes {
         let record =
@@ -98,7 +99,7 @@ fn one(file: &Path, args: &Args, names: &mut BTreeSet<String>) -> Result<usize> 
         let written = write_mesh(&scene.name, &scene.mesh, &scene.settings, &[record], &args.out, args.replace)?;
         tell_scene(scene);
         if written.halvings > 0 {
-            println!("    its images are at 1/{} of their size, to fit on one", 1_u64 << written.halvings);
+            say!("    its images are at 1/{} of their size, to fit on one", 1_u64 << written.halvings);
         }
     }
     Ok(scenes.len())
@@ -116,30 +117,30 @@ struct Record<'a> {
 fn tell(assumed: &Assumptions) {
     let up = assumed.up.value.name();
     match assumed.up.source {
-        Source::Given => println!("  up        {up}, as given"),
-        Source::Format => println!("  up        {up}, as in every {} file", assumed.format),
+        Source::Given => say!("  up        {up}, as given"),
+        Source::Format => say!("  up        {up}, as in every {} file", assumed.format),
         Source::Guessed if assumed.up.margin < 1.5 => {
-            println!("  up        {up}, guessed and uncertain: if the scene lies on its side, give --up");
+            say!("  up        {up}, guessed and uncertain: if the scene lies on its side, give --up");
         }
-        Source::Guessed => println!("  up        {up}, guessed from the area of level faces"),
+        Source::Guessed => say!("  up        {up}, guessed from the area of level faces"),
     }
     let (scale, height) = (assumed.scale.value, assumed.room_height);
     match assumed.scale.source {
-        Source::Given => println!("  unit      {scale} m, as given: rooms are {height:.2} m high"),
-        _ if scale != 1.0 => println!("  unit      {scale} m, guessed: rooms are {height:.2} m high then"),
+        Source::Given => say!("  unit      {scale} m, as given: rooms are {height:.2} m high"),
+        _ if scale != 1.0 => say!("  unit      {scale} m, guessed: rooms are {height:.2} m high then"),
         _ if height > 5.5 => {
-            println!("  unit      1 m: rooms are {height:.2} m high; if these are feet, give --scale 0.3048");
+            say!("  unit      1 m: rooms are {height:.2} m high; if these are feet, give --scale 0.3048");
         }
-        _ => println!("  unit      1 m: rooms are {height:.2} m high"),
+        _ => say!("  unit      1 m: rooms are {height:.2} m high"),
     }
     let floors: Vec<String> = assumed.floors.iter().map(|floor| format!("{floor:.2}")).collect();
-    println!("  floors    {} m above the lowest point", floors.join(", "));
-    assumed.notes.iter().for_each(|note| println!("  note      {note}"));
+    say!("  floors    {} m above the lowest point", floors.join(", "));
+    assumed.notes.iter().for_each(|note| say!("  note      {note}"));
 }
 
 fn tell_scene(scene: &Imported) {
     let report = &scene.report;
-    println!(
+    say!(
         "  {}: {:.0} m² to stand on, {} connected positions of {} free, {} triangles, {}, {}",
         scene.name,
         report.floor_area,
@@ -151,6 +152,6 @@ fn tell_scene(scene: &Imported) {
     );
     let starts = scene.settings.camera.start_positions.len();
     if starts < 5 {
-        println!("    it has room for {starts} start positions only");
+        say!("    it has room for {starts} start positions only");
     }
 }
