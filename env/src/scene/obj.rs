@@ -1,6 +1,6 @@
 //! OBJ files: triangles and, when asked for, their colours from vertices, MTL materials and images.
 //!
-//! `tobj` reads the statements; polygons of any shape become triangles here, and [`explain`] finds the line of a fault.
+//! `tobj` reads the statements; polygons of any shape become triangles here, and `explain` finds the line of a fault.
 //! Points, lines, curves, normals and names are left out.
 
 use super::appearance::{Appearance, Image, Paint};
