@@ -14,11 +14,25 @@ pub struct CoverageConfig {
     pub points: usize,
     /// Distance within which a point counts, metres (released code: 0.5).
     pub epsilon: f32,
+    /// Whether the whole reconstruction counts.
+    pub counting: Counting,
+}
+
+/// Which points of the reconstruction count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Counting {
+    /// All of them: the definition.
+    #[default]
+    Exact,
+    /// After every step a random sample of the cloud, twice as many points as there are in the ground truth (released
+    /// code). Reads lower the longer the episode, and may fall.
+    AsReleased,
 }
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { points: 20_000, epsilon: 0.5 }
+        Self { points: 20_000, epsilon: 0.5, counting: Counting::Exact }
     }
 }
 
@@ -74,6 +88,13 @@ impl Surface {
     /// The points, metres.
     pub fn points(&self) -> &[Vec3] {
         &self.points
+    }
+
+    /// Numbers of the points that a cloud covers, ascending.
+    pub fn covered_by(&self, cloud: &[Vec3]) -> Vec<u32> {
+        let mut coverage = Coverage::new(self);
+        coverage.add(self, cloud, 0);
+        (0..self.points.len()).filter(|&n| coverage.first[n] != NEVER).map(|n| n as u32).collect()
     }
 
     fn file_points(&mut self) {
@@ -181,11 +202,6 @@ impl Coverage {
     /// Number of covered points.
     pub fn covered(&self) -> usize {
         self.covered
-    }
-
-    /// Covered share, 0 to 1.
-    pub fn share(&self) -> f32 {
-        self.covered as f32 / self.first.len().max(1) as f32
     }
 
     /// The step at which each point was first covered.

@@ -1,6 +1,6 @@
 //! One episode: an agent in a scene, a number of steps, and what it has seen.
 
-use crate::coverage::{Coverage, CoverageConfig, Surface};
+use crate::coverage::{Counting, Coverage, CoverageConfig, Surface};
 use crate::encode::{EncodeConfig, encode};
 use crate::map::{AgentMap, MapView};
 use crate::pose::{Direction, Heading, LatticePose, Pose};
@@ -9,10 +9,12 @@ use crate::scene::Scene;
 use crate::scene::slice::ObstacleGrid;
 use crate::seed::{Rng, SeedTree};
 use crate::sensor::{Camera, CameraError, Colour, Frame, RgbdCamera, Sensor};
+use crate::visibility::{Visibility, VisibilityCache};
 use glam::Vec3;
 use rand::RngExt as _;
+use rand::seq::IndexedRandom as _;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One step of the lattice agent: stay or move to a neighbour, and look somewhere (paper, section 5.1: 4 moves, 8
 /// headings).
@@ -145,6 +147,7 @@ pub struct World {
     obstacles: ObstacleGrid,
     sensor: RgbdCamera,
     config: SimConfig,
+    visibility: OnceLock<VisibilityCache>,
 }
 
 impl World {
@@ -164,6 +167,7 @@ impl World {
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
             sensor: RgbdCamera { camera: config.camera, colour: config.colour },
             config: config.clone(),
+            visibility: OnceLock::new(),
             scene,
         })
     }
@@ -181,6 +185,17 @@ impl World {
     /// Ground-truth obstacles of the camera plane.
     pub fn obstacles(&self) -> &ObstacleGrid {
         &self.obstacles
+    }
+
+    /// What its lattice poses see. Nothing is computed before it is asked for.
+    pub fn visibility(&self) -> Visibility<'_> {
+        let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice());
+        Visibility::new(self, self.visibility.get_or_init(new))
+    }
+
+    /// The camera.
+    pub fn sensor(&self) -> &RgbdCamera {
+        &self.sensor
     }
 
     /// Settings.
@@ -207,6 +222,7 @@ pub struct Episode {
     step: usize,
     horizon: usize,
     pixels: SeedTree,
+    sampling: SeedTree,
     frame: Frame,
     curve: Vec<f32>,
     covered: Vec<usize>,
@@ -226,6 +242,7 @@ impl Episode {
             step: 0,
             horizon,
             pixels: seed.child("pixels", 0),
+            sampling: seed.child("coverage", 0),
             frame: Frame::default(),
             curve: Vec::with_capacity(horizon + 1),
             covered: Vec::with_capacity(horizon + 1),
@@ -242,7 +259,7 @@ impl Episode {
     /// Performs an action. After the horizon nothing happens any more.
     pub fn step(&mut self, action: Action) -> StepOutcome {
         if self.is_over() {
-            return StepOutcome { bumped: false, coverage: self.coverage.share() };
+            return StepOutcome { bumped: false, coverage: self.share() };
         }
         self.step += 1;
         let node = action.direction.map_or(self.pose.node, |direction| self.pose.node.step(direction));
@@ -263,7 +280,7 @@ impl Episode {
             self.pose = target;
         }
         self.arrive();
-        StepOutcome { bumped, coverage: self.coverage.share() }
+        StepOutcome { bumped, coverage: self.share() }
     }
 
     /// Whether all steps are spent.
@@ -284,6 +301,11 @@ impl Episode {
     /// The world it takes place in.
     pub fn world(&self) -> &Arc<World> {
         &self.world
+    }
+
+    /// What has been covered, point by point.
+    pub fn coverage(&self) -> &Coverage {
+        &self.coverage
     }
 
     /// Where the agent is.
@@ -318,8 +340,21 @@ impl Episode {
 
     fn arrive(&mut self) {
         self.map.arrive(self.pose);
-        self.curve.push(self.coverage.share());
-        self.covered.push(self.coverage.covered());
+        let surface = &self.world.surface;
+        let covered = match self.world.config.coverage.counting {
+            Counting::Exact => self.coverage.covered(),
+            Counting::AsReleased => {
+                let mut rng = self.sampling.child("step", self.step as u64).rng();
+                let sample = self.map.cloud().sample(&mut rng, 2 * surface.len());
+                surface.covered_by(&sample.copied().collect::<Vec<Vec3>>()).len()
+            }
+        };
+        self.curve.push(covered as f32 / surface.len() as f32);
+        self.covered.push(covered);
+    }
+
+    fn share(&self) -> f32 {
+        self.curve.last().copied().unwrap_or(0.0)
     }
 
     fn capture(&mut self, pose: &Pose, number: usize) {
@@ -424,6 +459,22 @@ mod tests {
         let floor = points.iter().zip(colours).filter(|(point, _)| point.y < 1e-3);
         let (all, brown) = (floor.clone().count(), floor.filter(|&(_, &colour)| colour == [90, 70, 50]).count());
         assert!(brown > 1000 && 100 * brown >= 99 * all, "{brown} of {all}");
+    }
+
+    #[test]
+    fn the_released_counting_reads_lower() {
+        let mut config = SimConfig::default();
+        let mut last = |counting| {
+            config.coverage = CoverageConfig { points: 500, counting, ..config.coverage };
+            let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
+            let mut episode = Episode::new(world, start(1, 2), 8, SeedTree::new(2));
+            for heading in (1..=8).map(Heading::new) {
+                episode.step(Action { direction: None, heading });
+            }
+            episode.curve()[8]
+        };
+        let (exact, released) = (last(Counting::Exact), last(Counting::AsReleased));
+        assert!(released < exact && released > 0.7 * exact, "{released} {exact}");
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub fn value_labels(path: &[Waypoint], i: usize, lattice: &Lattice, surface: usi
         .iter()
         .filter_map(|to| {
             let (row, col) = from.input.window.value_cell(lattice.position(to.pose.node))?;
-            let gain = 100.0 * (to.covered as f32 - from.covered as f32) / surface.max(1) as f32;
+            let gain = 100.0 * to.covered.saturating_sub(from.covered) as f32 / surface.max(1) as f32;
             Some(ValueLabel { heading: to.pose.heading, row, col, gain })
         })
         .collect()

@@ -10,6 +10,7 @@ pub mod window;
 pub mod scene;
 pub mod sensor;
 
+pub mod completion;
 pub mod coverage;
 pub mod encode;
 pub mod map;
@@ -19,12 +20,15 @@ pub mod goal;
 pub mod path;
 pub mod policy;
 
+pub mod batch;
+pub mod check;
 pub mod episode;
 pub mod explain;
 pub mod label;
 pub mod metrics;
 pub mod parallel;
 pub mod ply;
+pub mod visibility;
 
 pub use episode::{Action, Episode, SimConfig, World};
 pub use map::MapView;

@@ -50,6 +50,11 @@ impl AgentMap {
         self.colours.extend_from_slice(colours);
     }
 
+    /// Every point kept so far, metres.
+    pub fn cloud(&self) -> &[Vec3] {
+        &self.cloud
+    }
+
     /// The agent stands at a pose at the end of a step.
     pub fn arrive(&mut self, pose: LatticePose) {
         if let Some(last) = self.history.last().filter(|last| last.node != pose.node) {

@@ -4,6 +4,7 @@ pub mod fbe;
 pub mod nbp;
 pub mod oracle;
 pub mod random;
+pub mod search;
 
 use crate::episode::Action;
 use crate::map::MapView;

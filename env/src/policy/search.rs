@@ -1,0 +1,178 @@
+//! `oracle-greedy`, `oracle-beam`: search on the true coverage gains, as bounds for policies that do not know the map.
+//!
+//! Gains are those of the frames at the end of steps ([`Visibility`](crate::visibility::Visibility)); what the frames in
+//! between add is neither predicted nor counted.
+
+use super::{Plan, Policy, PolicyError, action_towards};
+use crate::episode::{Action, World};
+use crate::map::MapView;
+use crate::path::ShortestPaths;
+use crate::pose::{Heading, LatticePose};
+use crate::seed::Rng;
+use crate::visibility::PointSet;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// How far and how broadly to search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SearchConfig {
+    /// Ways kept at each depth.
+    pub width: usize,
+    /// Steps looked ahead.
+    pub depth: usize,
+}
+
+impl SearchConfig {
+    /// The best next step.
+    pub const GREEDY: Self = Self { width: 1, depth: 1 };
+    /// Ten ways of ten steps.
+    pub const BEAM: Self = Self { width: 10, depth: 10 };
+}
+
+/// Searches the true map.
+pub struct OracleSearch {
+    world: Arc<World>,
+    config: SearchConfig,
+    covered: PointSet,
+    /// Poses of the episode that are in `covered`.
+    counted: usize,
+    plan: Option<Plan>,
+}
+
+/// A way through the lattice and what it would add.
+#[derive(Clone)]
+struct Way {
+    poses: Vec<LatticePose>,
+    covered: PointSet,
+    gain: usize,
+    /// Sum of the gains after each step: of equal gains, the earlier ones are better.
+    area: usize,
+}
+
+impl OracleSearch {
+    /// A policy for one world, of which it knows everything.
+    pub fn new(world: Arc<World>, config: SearchConfig) -> Self {
+        Self { covered: world.visibility().nothing(), world, config, counted: 0, plan: None }
+    }
+
+    /// The best way of at most `depth` steps; `None` where no step adds anything.
+    fn search(&self, start: LatticePose) -> Option<Vec<LatticePose>> {
+        let visibility = self.world.visibility();
+        let mut beam = vec![Way { poses: vec![start], covered: self.covered.clone(), gain: 0, area: 0 }];
+        for _ in 0..self.config.depth {
+            // Of several ways to a pose only the best is kept, or one corner would fill the beam.
+            let mut best: BTreeMap<LatticePose, (usize, usize, usize)> = BTreeMap::new();
+            for (parent, way) in beam.iter().enumerate() {
+                let Some(&here) = way.poses.last() else { continue };
+                for pose in self.steps_from(here) {
+                    let gain = way.gain + visibility.gain(pose, &way.covered);
+                    let candidate = (gain, way.area + gain, parent);
+                    let known = best.entry(pose).or_insert(candidate);
+                    if (candidate.0, candidate.1) > (known.0, known.1) {
+                        *known = candidate;
+                    }
+                }
+            }
+            let mut ranked: Vec<_> = best.into_iter().collect();
+            ranked.sort_by_key(|&(pose, (gain, area, _))| (Reverse((gain, area)), pose));
+            ranked.truncate(self.config.width);
+            beam = ranked
+                .into_iter()
+                .map(|(pose, (gain, area, parent))| {
+                    let mut way = beam[parent].clone();
+                    visibility.cover(pose, &mut way.covered);
+                    way.poses.push(pose);
+                    Way { gain, area, ..way }
+                })
+                .collect();
+        }
+        beam.into_iter().next().filter(|way| way.gain > 0).map(|way| way.poses[1..].to_vec())
+    }
+
+    /// Poses one step away: four moves and staying, eight headings each.
+    fn steps_from(&self, here: LatticePose) -> impl Iterator<Item = LatticePose> + '_ {
+        let nodes = self.world.scene().graph().neighbours(here.node).chain([here.node]);
+        nodes.flat_map(|node| Heading::all().map(move |heading| LatticePose { node, heading }))
+    }
+
+    /// The shortest way to a pose that adds something.
+    fn walk_to_nearest(&self, start: LatticePose) -> Vec<LatticePose> {
+        let graph = self.world.scene().graph();
+        let paths = ShortestPaths::from(start.node, |a, b| graph.is_passable(a, b).then_some(1.0));
+        let mut nodes: Vec<_> = paths.reached().collect();
+        nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let gain = |pose: &LatticePose| self.world.visibility().gain(*pose, &self.covered);
+        let best_look = |node| {
+            let poses = Heading::all().map(|heading| LatticePose { node, heading });
+            poses.max_by_key(|pose| (gain(pose), Reverse(pose.heading))).filter(|pose| gain(pose) > 0)
+        };
+        let Some(goal) = nodes.into_iter().find_map(|(node, _)| best_look(node)) else { return Vec::new() };
+        let path = paths.path_to(goal.node).unwrap_or_default();
+        path.into_iter().map(|node| LatticePose { node, ..goal }).collect()
+    }
+}
+
+impl Policy for OracleSearch {
+    fn name(&self) -> &'static str {
+        if self.config == SearchConfig::GREEDY { "oracle-greedy" } else { "oracle-beam" }
+    }
+
+    fn begin(&mut self) {
+        (self.covered, self.counted, self.plan) = (self.world.visibility().nothing(), 0, None);
+    }
+
+    fn act(&mut self, view: &MapView<'_>, _: &mut Rng) -> Result<Action, PolicyError> {
+        for &pose in &view.history()[self.counted..] {
+            self.world.visibility().cover(pose, &mut self.covered);
+        }
+        self.counted = view.history().len();
+        let here = view.pose();
+        let path = self.search(here).unwrap_or_else(|| self.walk_to_nearest(here));
+        let next = path.first().copied().unwrap_or(here);
+        self.plan = Some(Plan { made_at: view.step(), path, thought: None });
+        Ok(action_towards(here.node, next))
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        self.plan.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode::{Episode, SimConfig};
+    use crate::policy::fbe::Fbe;
+    use crate::pose::Node;
+    use crate::scene::Scene;
+    use crate::seed::SeedTree;
+    use crate::sensor::Camera;
+
+    fn explore(world: &Arc<World>, policy: &mut dyn Policy, steps: usize) -> Episode {
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
+        let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(5));
+        let mut rng = SeedTree::new(6).rng();
+        policy.begin();
+        while !episode.is_over() {
+            let action = policy.act(&episode.view(), &mut rng).unwrap();
+            episode.step(action);
+        }
+        episode
+    }
+
+    #[test]
+    fn who_knows_the_map_is_faster_and_never_bumps() {
+        let camera = Camera { width: 112, height: 64, ..Camera::default() };
+        let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() });
+        let world = Arc::new(world.unwrap());
+        let area = |episode: &Episode| episode.curve().iter().sum::<f32>();
+        let fbe = explore(&world, &mut Fbe::default(), 20);
+        let [greedy, beam] = [SearchConfig::GREEDY, SearchConfig::BEAM]
+            .map(|config| explore(&world, &mut OracleSearch::new(Arc::clone(&world), config), 20));
+        assert!(area(&beam) > area(&fbe) && area(&beam) > area(&greedy));
+        assert!(greedy.curve()[20] > fbe.curve()[20]);
+        assert!(beam.curve()[20] > 0.95, "{:?}", beam.curve());
+        assert_eq!((greedy.bumps(), beam.bumps()), (0, 0));
+    }
+}
