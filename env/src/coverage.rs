@@ -204,6 +204,11 @@ impl Coverage {
         self.covered
     }
 
+    /// Covered share, 0 to 1.
+    pub fn share(&self) -> f32 {
+        self.covered as f32 / self.first.len().max(1) as f32
+    }
+
     /// The step at which each point was first covered.
     pub fn first_step(&self, point: usize) -> Option<u32> {
         self.first.get(point).copied().filter(|&step| step != NEVER)
