@@ -2,6 +2,7 @@
 
 use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
 use nbp_env::policy::oracle::OracleObstacles;
+use nbp_env::policy::search::{OracleSearch, SearchConfig};
 use nbp_env::policy::{Plan, PolicyError, fbe::Fbe, random::Random};
 use nbp_env::{Action, MapView, Policy, Predictor, Rng, World};
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,10 @@ pub enum PolicyKind {
     Nbp,
     /// The network's value map on the true obstacle map (paper, Table 4).
     OracleObstacles,
+    /// The best next step on the true gains.
+    OracleGreedy,
+    /// Ten steps ahead on the true gains.
+    OracleBeam,
 }
 
 /// What policies are built from.
@@ -48,7 +53,8 @@ pub enum RegistryError {
 
 impl PolicyKind {
     /// All policies, baselines first.
-    pub const ALL: [Self; 4] = [Self::Random, Self::Fbe, Self::Nbp, Self::OracleObstacles];
+    pub const ALL: [Self; 6] =
+        [Self::Random, Self::Fbe, Self::Nbp, Self::OracleObstacles, Self::OracleGreedy, Self::OracleBeam];
 
     /// Name on the command line and in tables.
     pub fn name(self) -> &'static str {
@@ -57,6 +63,8 @@ impl PolicyKind {
             Self::Fbe => "fbe",
             Self::Nbp => "nbp",
             Self::OracleObstacles => "oracle-obstacles",
+            Self::OracleGreedy => "oracle-greedy",
+            Self::OracleBeam => "oracle-beam",
         }
     }
 
@@ -99,6 +107,8 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
         PolicyKind::Random => Box::new(Random),
         PolicyKind::Fbe => Box::new(Fbe::default()),
         PolicyKind::Nbp => Box::new(nbp(network()?)),
+        PolicyKind::OracleGreedy => Box::new(OracleSearch::new(Arc::clone(world), SearchConfig::GREEDY)),
+        PolicyKind::OracleBeam => Box::new(OracleSearch::new(Arc::clone(world), SearchConfig::BEAM)),
         PolicyKind::OracleObstacles => {
             let oracle = OracleObstacles::new(network()?, Arc::clone(world));
             Box::new(Named { kind, inner: nbp(Arc::new(oracle)) })

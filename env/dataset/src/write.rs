@@ -79,7 +79,7 @@ pub fn write_scene_with(
     parent: &Path,
     replace: bool,
 ) -> Result<PathBuf, WriteError> {
-    write_folder(&scene.name, &scene.mesh, &scene.settings, extra, parent, replace).map(|written| written.folder)
+    write_mesh(&scene.name, &scene.mesh, &scene.settings, extra, parent, replace).map(|written| written.folder)
 }
 
 /// What was written.
@@ -96,17 +96,6 @@ pub struct Written {
 /// # Errors
 /// When the folder exists and `replace` is false, or the file system refuses.
 pub fn write_mesh(
-    name: &str,
-    mesh: &Mesh,
-    settings: &Settings,
-    extra: &[(String, Vec<u8>)],
-    parent: &Path,
-    replace: bool,
-) -> Result<Written, WriteError> {
-    write_folder(name, mesh, settings, extra, parent, replace)
-}
-
-fn write_folder(
     name: &str,
     mesh: &Mesh,
     settings: &Settings,

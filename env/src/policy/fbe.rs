@@ -238,29 +238,18 @@ fn neighbours_8([x, z]: CellIndex) -> [CellIndex; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{Episode, SimConfig, World};
+    use crate::episode::{SimConfig, World};
     use crate::policy::random::Random;
+    use crate::policy::tests::explore;
     use crate::scene::Scene;
-    use crate::seed::SeedTree;
     use std::sync::Arc;
-
-    fn explore(policy: &mut dyn Policy, steps: usize) -> Episode {
-        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
-        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
-        let mut episode = Episode::new(world, start, steps, SeedTree::new(5));
-        let mut rng = SeedTree::new(6).rng();
-        policy.begin();
-        while !episode.is_over() {
-            let action = policy.act(&episode.view(), &mut rng).unwrap();
-            episode.step(action);
-        }
-        episode
-    }
 
     #[test]
     fn it_finds_the_second_room_and_beats_chance() {
-        let fbe = explore(&mut Fbe::default(), 30);
-        let random = explore(&mut Random, 30);
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
+        let fbe = explore(&world, &mut Fbe::default(), start, 30);
+        let random = explore(&world, &mut Random, start, 30);
         assert!(fbe.view().history().iter().any(|pose| pose.node.i >= 5), "{:?}", fbe.view().history());
         assert!(fbe.curve()[30] > 0.9, "{:?}", fbe.curve());
         assert!(fbe.curve().iter().sum::<f32>() > random.curve().iter().sum::<f32>());

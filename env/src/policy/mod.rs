@@ -86,3 +86,23 @@ fn turn_on_the_spot(view: &MapView<'_>, rng: &mut Rng) -> Action {
     };
     Action { direction: None, heading }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode::{Episode, World};
+    use crate::seed::SeedTree;
+    use std::sync::Arc;
+
+    /// The episode of a policy from a start, to its end.
+    pub(super) fn explore(world: &Arc<World>, policy: &mut dyn Policy, start: LatticePose, steps: usize) -> Episode {
+        let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(5));
+        let mut rng = SeedTree::new(6).rng();
+        policy.begin();
+        while !episode.is_over() {
+            let action = policy.act(&episode.view(), &mut rng).unwrap();
+            episode.step(action);
+        }
+        episode
+    }
+}

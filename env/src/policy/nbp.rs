@@ -247,9 +247,9 @@ impl Policy for Nbp {
 mod tests {
     use super::*;
     use crate::episode::{Episode, SimConfig};
+    use crate::policy::tests::explore;
     use crate::predict::{ObstacleMap, PredictError, ValueMap};
     use crate::scene::Scene;
-    use crate::seed::SeedTree;
 
     /// Promises most in one corner of the window and sees no walls.
     struct Corner;
@@ -271,16 +271,9 @@ mod tests {
     fn walk(config: NbpConfig, truth: bool) -> Episode {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
         let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
-        let mut episode = Episode::new(Arc::clone(&world), start, 40, SeedTree::new(5));
-        let passability = if truth { Passability::Truth(world) } else { Passability::Predicted };
+        let passability = if truth { Passability::Truth(Arc::clone(&world)) } else { Passability::Predicted };
         let mut policy = Nbp::new(Arc::new(Corner), config, passability, Trajectory::KeyPoses);
-        let mut rng = SeedTree::new(6).rng();
-        policy.begin();
-        while !episode.is_over() {
-            let action = policy.act(&episode.view(), &mut rng).unwrap();
-            episode.step(action);
-        }
-        episode
+        explore(&world, &mut policy, start, 40)
     }
 
     #[test]

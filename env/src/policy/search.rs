@@ -144,32 +144,21 @@ mod tests {
     use super::*;
     use crate::episode::{Episode, SimConfig};
     use crate::policy::fbe::Fbe;
+    use crate::policy::tests::explore;
     use crate::pose::Node;
     use crate::scene::Scene;
-    use crate::seed::SeedTree;
     use crate::sensor::Camera;
-
-    fn explore(world: &Arc<World>, policy: &mut dyn Policy, steps: usize) -> Episode {
-        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
-        let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(5));
-        let mut rng = SeedTree::new(6).rng();
-        policy.begin();
-        while !episode.is_over() {
-            let action = policy.act(&episode.view(), &mut rng).unwrap();
-            episode.step(action);
-        }
-        episode
-    }
 
     #[test]
     fn who_knows_the_map_is_faster_and_never_bumps() {
         let camera = Camera { width: 112, height: 64, ..Camera::default() };
         let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() });
         let world = Arc::new(world.unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
         let area = |episode: &Episode| episode.curve().iter().sum::<f32>();
-        let fbe = explore(&world, &mut Fbe::default(), 20);
+        let fbe = explore(&world, &mut Fbe::default(), start, 20);
         let [greedy, beam] = [SearchConfig::GREEDY, SearchConfig::BEAM]
-            .map(|config| explore(&world, &mut OracleSearch::new(Arc::clone(&world), config), 20));
+            .map(|config| explore(&world, &mut OracleSearch::new(Arc::clone(&world), config), start, 20));
         assert!(area(&beam) > area(&fbe) && area(&beam) > area(&greedy));
         assert!(greedy.curve()[20] > fbe.curve()[20]);
         assert!(beam.curve()[20] > 0.95, "{:?}", beam.curve());
