@@ -11,18 +11,17 @@ const MAX_DROP: f32 = 12.0;
 /// The same in a scan: surfaces of the storey below are no floor, metres.
 const MAX_SCAN_DROP: f32 = CAMERA_HEIGHT + 1.0;
 
-/// Share of the horizontal rays around a point that hit something in a room without a ceiling. Beside a long outer wall it
-/// is less than half.
-const ENCLOSED: f32 = 0.62;
+/// Horizontal rays around a point.
+const CIRCLE: usize = 16;
+
+/// How many of them hit something in a room without a ceiling. Beside a long outer wall it is less than half.
+const ENCLOSED: usize = 10;
 
 /// The same under a ceiling: glass walls are often missing in scans.
-const ENCLOSED_UNDER_CEILING: f32 = 0.35;
+const ENCLOSED_UNDER_CEILING: usize = 6;
 
 /// Surfaces farther away than this enclose nothing, metres.
 const VIEW: f32 = 40.0;
-
-/// Horizontal rays.
-const CIRCLE: usize = 16;
 
 /// What the inside of a mesh is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,13 +49,20 @@ impl Interior {
 }
 
 fn is_enclosed(rays: &RayIndex, position: Vec3) -> bool {
-    let hits = |direction: Vec3| rays.nearest(position, direction, VIEW).is_some();
-    let circle = (0..CIRCLE).map(|n| {
+    let is_hit = |direction: Vec3| rays.nearest(position, direction, VIEW).is_some();
+    let mut hits = 0;
+    for n in 0..CIRCLE {
         let (sin, cos) = (TAU * (n as f32 + 0.25) / CIRCLE as f32).sin_cos();
-        Vec3::new(sin, 0.0, cos)
-    });
-    let share = circle.filter(|&direction| hits(direction)).count() as f32 / CIRCLE as f32;
-    share > ENCLOSED || (share > ENCLOSED_UNDER_CEILING && hits(Vec3::Y))
+        hits += usize::from(is_hit(Vec3::new(sin, 0.0, cos)));
+        // The rays that are left cannot change the answer.
+        if hits == ENCLOSED {
+            return true;
+        }
+        if hits + (CIRCLE - 1 - n) < ENCLOSED_UNDER_CEILING {
+            return false;
+        }
+    }
+    hits >= ENCLOSED_UNDER_CEILING && is_hit(Vec3::Y)
 }
 
 #[cfg(test)]
