@@ -57,7 +57,9 @@ fn episodes() {
         let (mut steps, mut inputs) = (Vec::new(), Vec::new());
         for repeat in 0..REPEATS {
             let start = world.scene().starts()[repeat % world.scene().starts().len()];
-            let mut episode = Episode::new(Arc::clone(&world), start, STEPS, SeedTree::new(repeat as u64));
+            let Ok(mut episode) = Episode::new(Arc::clone(&world), start, STEPS, SeedTree::new(repeat as u64)) else {
+                panic!("a scene's starts are free");
+            };
             let (mut policy, mut rng) = (Random, SeedTree::new(9).rng());
             let (begun, mut encoding) = (Instant::now(), 0.0);
             while !episode.is_over() {

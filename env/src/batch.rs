@@ -4,23 +4,16 @@
 //! or on the number of threads.
 
 use crate::episode::{Action, Episode, StepOutcome, World};
-use crate::pose::{Heading, LatticePose};
 use crate::seed::SeedTree;
-use rand::RngExt as _;
-use rand::seq::IndexedRandom as _;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Episodes side by side, number `n` in world `n` modulo the number of worlds.
 ///
-/// - Observation: [`Episode::view`] (what the agent knows) and [`Episode::encode`] (the same as the network's input).
-/// - Reward: the growth of [`StepOutcome::coverage`].
-/// - Termination: [`Episode::is_over`], after `horizon` steps; nothing ends an episode earlier. An episode that is over
-///   stays as it is until it is reset.
+/// Observation, action, reward and termination are those of [`Episode`]. One that is over stays as it is until it is
+/// reset.
 pub struct EpisodeBatch {
-    worlds: Vec<Arc<World>>,
     episodes: Vec<Episode>,
-    horizon: usize,
     seeds: SeedTree,
     /// How often each episode was begun.
     rounds: Vec<u64>,
@@ -50,10 +43,9 @@ impl EpisodeBatch {
         if worlds.is_empty() || count == 0 {
             return Err(EmptyBatch);
         }
-        let mut batch =
-            Self { worlds, episodes: Vec::new(), horizon, seeds: SeedTree::new(seed), rounds: vec![0; count] };
-        batch.episodes = (0..count).into_par_iter().map(|n| batch.begin(n)).collect();
-        Ok(batch)
+        let seeds = SeedTree::new(seed);
+        let begin = |n: usize| Episode::random(Arc::clone(&worlds[n % worlds.len()]), horizon, round_of(seeds, n, 0));
+        Ok(Self { episodes: (0..count).into_par_iter().map(begin).collect(), seeds, rounds: vec![0; count] })
     }
 
     /// Performs one action in each episode.
@@ -69,38 +61,33 @@ impl EpisodeBatch {
 
     /// Begins those episodes anew that are over, at other poses, and returns their numbers.
     pub fn reset_finished(&mut self) -> Vec<usize> {
-        let finished: Vec<usize> = (0..self.episodes.len()).filter(|&n| self.episodes[n].is_over()).collect();
-        finished.iter().for_each(|&n| self.rounds[n] += 1);
-        let begun: Vec<Episode> = finished.par_iter().map(|&n| self.begin(n)).collect();
-        finished.iter().zip(begun).for_each(|(&n, episode)| self.episodes[n] = episode);
-        finished
+        let seeds = self.seeds;
+        let episodes = self.episodes.par_iter_mut().zip(&mut self.rounds).enumerate();
+        let finished = episodes.filter(|(_, (episode, _))| episode.is_over());
+        let reset = finished.map(|(n, (episode, round))| {
+            *round += 1;
+            episode.reset(round_of(seeds, n, *round));
+            n
+        });
+        reset.collect()
     }
 
     /// The episodes, in order.
     pub fn episodes(&self) -> &[Episode] {
         &self.episodes
     }
-
-    fn begin(&self, number: usize) -> Episode {
-        let world = &self.worlds[number % self.worlds.len()];
-        let seed = self.seeds.child("episode", number as u64).child("round", self.rounds[number]);
-        Episode::new(Arc::clone(world), random_start(world, seed.child("start", 0)), self.horizon, seed)
-    }
 }
 
-/// A random pose of the largest connected component.
-pub fn random_start(world: &World, seed: SeedTree) -> LatticePose {
-    let mut rng = seed.rng();
-    let nodes = world.scene().graph().largest_component();
-    // A scene without a free node is refused, so the first start is never asked for.
-    let node = nodes.choose(&mut rng).copied().unwrap_or(world.scene().starts()[0].node);
-    LatticePose { node, heading: Heading::new(rng.random_range(0..8)) }
+/// The seed of an episode that was begun `round` times before.
+fn round_of(seeds: SeedTree, number: usize, round: u64) -> SeedTree {
+    seeds.child("episode", number as u64).child("round", round)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::episode::SimConfig;
+    use crate::pose::Heading;
     use crate::scene::Scene;
     use crate::sensor::Camera;
 

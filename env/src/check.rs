@@ -3,7 +3,6 @@
 //! For tests of extensions: `assert_eq!(check_policy(&mut MyPolicy::new(), &world), [])`. Each fault says what was
 //! expected and what was found.
 
-use crate::batch::random_start;
 use crate::episode::{Action, Episode, World};
 use crate::policy::Policy;
 use crate::pose::LatticePose;
@@ -148,7 +147,7 @@ fn rollout(
     seed: SeedTree,
     faults: &mut Vec<Fault>,
 ) -> Result<Vec<Action>, Fault> {
-    let mut episode = Episode::new(Arc::clone(world), random_start(world, seed), STEPS, seed);
+    let mut episode = Episode::random(Arc::clone(world), STEPS, seed);
     let (mut rng, mut actions) = (seed.child("policy", 0).rng(), Vec::new());
     policy.begin();
     while !episode.is_over() {

@@ -3,7 +3,7 @@
 use crate::coverage::{Counting, Coverage, CoverageConfig, Surface};
 use crate::encode::{EncodeConfig, encode};
 use crate::map::{AgentMap, MapView};
-use crate::pose::{Direction, Heading, LatticePose, Pose};
+use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node, Pose};
 use crate::predict::EncoderInput;
 use crate::scene::Scene;
 use crate::scene::slice::ObstacleGrid;
@@ -187,6 +187,30 @@ impl World {
         &self.obstacles
     }
 
+    /// A pose drawn from the nodes of the largest connected component and all headings: where [`Episode::reset`] starts.
+    pub fn random_start(&self, seed: SeedTree) -> LatticePose {
+        let mut rng = seed.child("start", 0).rng();
+        // A scene without a free node is refused, so the first start is never asked for.
+        let nodes = self.scene.graph().largest_component();
+        let node = nodes.choose(&mut rng).copied().unwrap_or(self.scene.starts()[0].node);
+        LatticePose { node, heading: Heading::new(rng.random_range(0..HEADINGS)) }
+    }
+
+    /// Whether an agent can stand there.
+    ///
+    /// # Errors
+    /// Naming the node that is outside the lattice or not free.
+    pub fn check_start(&self, LatticePose { node, .. }: LatticePose) -> Result<(), StartError> {
+        let (scene, lattice) = (self.scene.name(), self.scene.lattice());
+        if !lattice.contains(node) {
+            return Err(StartError::Outside { scene: scene.into(), node, size: lattice.size });
+        }
+        match self.scene.graph().is_free(node) {
+            true => Ok(()),
+            false => Err(StartError::Blocked { scene: scene.into(), node, position: lattice.position(node) }),
+        }
+    }
+
     /// What its lattice poses see. Nothing is computed before it is asked for.
     pub fn visibility(&self) -> Visibility<'_> {
         let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice());
@@ -204,6 +228,37 @@ impl World {
     }
 }
 
+/// A start pose where no agent can stand.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StartError {
+    /// Not a node of the lattice.
+    #[error(
+        "scene {scene}: start ({}, {}) is outside the lattice, which has nodes from (0, 0) to ({}, {}): take one of \
+         Scene::starts or World::random_start", node.i, node.k, size[0] - 1, size[1] - 1
+    )]
+    Outside {
+        /// Scene name.
+        scene: String,
+        /// As given.
+        node: Node,
+        /// Nodes along `x` and `z`.
+        size: [i32; 2],
+    },
+    /// A node that is not free.
+    #[error(
+        "scene {scene}: start ({}, {}) at {position:.2} m is in a wall or outside the building: take one of Scene::starts \
+         or World::random_start", node.i, node.k
+    )]
+    Blocked {
+        /// Scene name.
+        scene: String,
+        /// As given.
+        node: Node,
+        /// Where the camera would be, metres.
+        position: Vec3,
+    },
+}
+
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepOutcome {
@@ -214,6 +269,38 @@ pub struct StepOutcome {
 }
 
 /// An agent on its way.
+///
+/// - Observation: [`Episode::view`] (what the agent knows) and [`Episode::encode`] (the same as the network's input). The
+///   first frame is taken at the start, before any step.
+/// - Action: [`Action`], a move to one of four neighbours or none, and one of eight headings. A move into an obstacle
+///   spends the step and leaves the agent where and as it was; [`StepOutcome::bumped`] tells.
+/// - Reward: the growth of [`StepOutcome::coverage`], the share of the ground-truth surface that has been reconstructed.
+/// - Termination: [`Episode::is_over`], after `horizon` steps; nothing ends an episode earlier, and steps after it do nothing.
+///
+/// The same world, start, horizon, seed and actions give the same bits.
+///
+/// ```
+/// use nbp_env::policy::{Policy, random::Random};
+/// use nbp_env::{Episode, Scene, SeedTree, SimConfig, World};
+/// use std::sync::Arc;
+///
+/// let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default())?);
+/// let mut episode = Episode::new(Arc::clone(&world), world.scene().starts()[0], 10, SeedTree::new(1))?;
+/// for round in 0..2 {
+///     let mut rng = SeedTree::new(round).rng();
+///     let mut before = episode.curve()[0];
+///     while !episode.is_over() {
+///         let action = Random.act(&episode.view(), &mut rng)?;
+///         let reward = episode.step(action).coverage - before;
+///         assert!(reward >= 0.0);
+///         before += reward;
+///     }
+///     assert!(episode.coverage().share() > 0.2);
+///     episode.reset(SeedTree::new(round));
+///     assert_eq!(episode.steps(), 0);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Episode {
     world: Arc<World>,
     map: AgentMap,
@@ -232,7 +319,43 @@ pub struct Episode {
 
 impl Episode {
     /// Puts an agent down at `start` and takes the first frame. `seed` draws which pixels become points.
-    pub fn new(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree) -> Self {
+    ///
+    /// # Errors
+    /// When the start is outside the lattice, in a wall or outside the building.
+    pub fn new(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree) -> Result<Self, StartError> {
+        world.check_start(start)?;
+        Ok(Self::begin(world, start, horizon, seed, Frame::default()))
+    }
+
+    /// An episode where `seed` starts it: at [`World::random_start`].
+    pub fn random(world: Arc<World>, horizon: usize, seed: SeedTree) -> Self {
+        let start = world.random_start(seed);
+        Self::begin(world, start, horizon, seed, Frame::default())
+    }
+
+    /// Begins anew in the same world with the same horizon, where `seed` starts it: at [`World::random_start`]. The same
+    /// bits as a new episode.
+    pub fn reset(&mut self, seed: SeedTree) {
+        self.restart(self.world.random_start(seed), seed);
+    }
+
+    /// Begins anew at `start` in the same world with the same horizon: the same bits as a new episode.
+    ///
+    /// # Errors
+    /// As [`Episode::new`]; the episode then stays as it was.
+    pub fn reset_at(&mut self, start: LatticePose, seed: SeedTree) -> Result<(), StartError> {
+        self.world.check_start(start)?;
+        self.restart(start, seed);
+        Ok(())
+    }
+
+    fn restart(&mut self, start: LatticePose, seed: SeedTree) {
+        let frame = std::mem::take(&mut self.frame);
+        *self = Self::begin(Arc::clone(&self.world), start, self.horizon, seed, frame);
+    }
+
+    /// `start` is free. `frame` lends its memory.
+    fn begin(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree, frame: Frame) -> Self {
         let encode = &world.config.encode;
         let map = AgentMap::new(encode.window, encode.layers, world.scene.lattice().origin.y);
         let mut episode = Self {
@@ -243,9 +366,9 @@ impl Episode {
             horizon,
             pixels: seed.child("pixels", 0),
             sampling: seed.child("coverage", 0),
-            frame: Frame::default(),
-            curve: Vec::with_capacity(horizon + 1),
-            covered: Vec::with_capacity(horizon + 1),
+            frame,
+            curve: Vec::new(),
+            covered: Vec::new(),
             bumps: 0,
             path_length: 0.0,
             world,
@@ -399,7 +522,7 @@ mod tests {
 
     #[test]
     fn a_bump_spends_the_step_and_is_remembered() {
-        let mut episode = Episode::new(world(), start(0, 0), 3, SeedTree::new(1));
+        let mut episode = Episode::new(world(), start(0, 0), 3, SeedTree::new(1)).unwrap();
         let outcome = episode.step(Action { direction: Some(Direction::MinusX), heading: Heading::new(4) });
         assert!(outcome.bumped);
         assert_eq!((episode.pose(), episode.steps(), episode.bumps()), (start(0, 0), 1, 1));
@@ -412,7 +535,7 @@ mod tests {
 
     #[test]
     fn coverage_only_grows_and_looking_around_sees_the_room() {
-        let mut episode = Episode::new(world(), start(1, 2), 8, SeedTree::new(2));
+        let mut episode = Episode::new(world(), start(1, 2), 8, SeedTree::new(2)).unwrap();
         for k in 1..=8 {
             episode.step(Action { direction: None, heading: Heading::new(k) });
         }
@@ -425,7 +548,7 @@ mod tests {
 
     #[test]
     fn the_input_shows_the_agent_in_the_middle_and_its_walls_around() {
-        let mut episode = Episode::new(world(), start(1, 2), 2, SeedTree::new(3));
+        let mut episode = Episode::new(world(), start(1, 2), 2, SeedTree::new(3)).unwrap();
         episode.step(Action { direction: Some(Direction::PlusZ), heading: Heading::new(0) });
         let input = episode.encode();
         assert_eq!((input.channels, input.size()), (5, 256));
@@ -443,7 +566,7 @@ mod tests {
     fn colours_change_nothing_but_the_colours_of_the_cloud() {
         let [plain, coloured] = [Colour::Off, Colour::Nearest].map(|colour| {
             let world = World::new(Scene::painted_rooms(), &SimConfig { colour, ..SimConfig::default() }).unwrap();
-            let mut episode = Episode::new(Arc::new(world), start(1, 2), 3, SeedTree::new(1));
+            let mut episode = Episode::new(Arc::new(world), start(1, 2), 3, SeedTree::new(1)).unwrap();
             for heading in [3, 6] {
                 episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
             }
@@ -462,12 +585,54 @@ mod tests {
     }
 
     #[test]
+    fn an_episode_that_was_reset_is_a_new_one() {
+        let world = world();
+        let told = |episode: &mut Episode| {
+            for k in 0..3 {
+                episode.step(Action { direction: Some(Direction::ALL[k]), heading: Heading::new(3 * k) });
+            }
+            let bits = |points: &[Vec3]| points.iter().flat_map(|p| p.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+            let (view, steps) = (episode.view(), 0..episode.world().surface().len());
+            let first: Vec<_> = steps.map(|point| episode.coverage().first_step(point)).collect();
+            (bits(view.cloud()), view.history().to_vec(), first, episode.covered().to_vec(), episode.encode())
+        };
+        let mut used = Episode::new(Arc::clone(&world), start(3, 3), 3, SeedTree::new(8)).unwrap();
+        told(&mut used);
+        for seed in (0..3).map(SeedTree::new) {
+            used.reset(seed);
+            let expected = told(&mut Episode::random(Arc::clone(&world), 3, seed));
+            assert_eq!(told(&mut used), expected);
+            let start = world.random_start(seed);
+            assert_eq!(expected.1[0], start);
+            used.reset_at(start, seed).unwrap();
+            assert_eq!(told(&mut used), expected);
+            assert_eq!(told(&mut Episode::new(Arc::clone(&world), start, 3, seed).unwrap()), expected);
+        }
+    }
+
+    #[test]
+    fn nobody_starts_in_a_wall() {
+        let (mesh, mut settings) = crate::scene::two_rooms();
+        settings.camera.pose_l = 10;
+        let world = Arc::new(World::new(Scene::new("rooms", mesh, &settings).unwrap(), &SimConfig::default()).unwrap());
+        let begin = |start| Episode::new(Arc::clone(&world), start, 3, SeedTree::new(1));
+        let error = begin(start(10, 2)).err().unwrap().to_string();
+        assert!(error.contains("rooms: start (10, 2) is outside the lattice") && error.contains("(9, 5)"), "{error}");
+        let error = begin(start(9, 2)).err().unwrap().to_string();
+        assert!(error.contains("start (9, 2) at [14.25, 1.65, 3.75] m is in a wall or outside"), "{error}");
+        let mut episode = begin(start(1, 2)).unwrap();
+        episode.step(Action { direction: None, heading: Heading::new(1) });
+        assert!(episode.reset_at(start(-1, 0), SeedTree::new(1)).is_err());
+        assert_eq!(episode.steps(), 1, "it stays as it was");
+    }
+
+    #[test]
     fn the_released_counting_reads_lower() {
         let mut config = SimConfig::default();
         let mut last = |counting| {
             config.coverage = CoverageConfig { points: 500, counting, ..config.coverage };
             let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
-            let mut episode = Episode::new(world, start(1, 2), 8, SeedTree::new(2));
+            let mut episode = Episode::new(world, start(1, 2), 8, SeedTree::new(2)).unwrap();
             for heading in (1..=8).map(Heading::new) {
                 episode.step(Action { direction: None, heading });
             }

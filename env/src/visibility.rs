@@ -192,7 +192,7 @@ mod tests {
         let world = world();
         let visibility = world.visibility();
         let start = LatticePose { node: Node { i: 1, k: 2 }, heading: Heading::new(0) };
-        let mut episode = crate::Episode::new(Arc::clone(&world), start, 8, crate::SeedTree::new(1));
+        let mut episode = crate::Episode::new(Arc::clone(&world), start, 8, crate::SeedTree::new(1)).unwrap();
         let mut covered = visibility.nothing();
         assert_eq!(visibility.cover(start, &mut covered), episode.covered()[0]);
         for heading in (1..=8).map(Heading::new) {

@@ -1,5 +1,6 @@
 //! One episode of one policy: the loop `look → act → step`, and what is written down of it.
 
+use nbp_env::episode::StartError;
 use nbp_env::policy::PolicyError;
 use nbp_env::{Episode, LatticePose, Policy, SeedTree, World, metrics};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,9 @@ pub enum RolloutError {
         /// What it has.
         count: usize,
     },
+    /// Nobody can stand there.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// The policy failed.
     #[error("scene {scene}, policy {policy}, start {start}, seed {seed}, step {step}: {source}")]
     Policy {
@@ -109,7 +113,7 @@ pub struct Rollout {
 /// Lets `policy` act for a whole trial. `on_step` is called at the start and after every step.
 ///
 /// # Errors
-/// When the scene has no such start or the policy fails.
+/// When the scene has no such start, nobody can stand there, or the policy fails.
 pub fn run_episode(
     world: &Arc<World>,
     policy: &mut dyn Policy,
@@ -119,7 +123,7 @@ pub fn run_episode(
     let scene = world.scene().name();
     let seeds = trial.seeds(scene);
     let mut rng = seeds.child(&format!("policy:{}", policy.name()), 0).rng();
-    let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds);
+    let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds)?;
     let mut deciding = 0.0;
     policy.begin();
     on_step(&episode, policy);

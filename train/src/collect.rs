@@ -3,7 +3,7 @@
 use crate::config::CollectConfig;
 use crate::interrupt;
 use crate::memory::PackedSample;
-use nbp_env::episode::{Episode, World};
+use nbp_env::episode::{Episode, StartError, World};
 use nbp_env::label::{Sample, Waypoint, value_labels};
 use nbp_env::parallel::try_map;
 use nbp_env::policy::nbp::{Nbp, Passability};
@@ -32,6 +32,9 @@ pub enum CollectError {
     /// The network failed.
     #[error(transparent)]
     Policy(#[from] PolicyError),
+    /// Nobody can stand there.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
@@ -66,7 +69,7 @@ fn trajectory(
     predictor: &Arc<dyn Predictor>,
     config: &CollectConfig,
     seed: SeedTree,
-) -> Result<Trajectory, PolicyError> {
+) -> Result<Trajectory, CollectError> {
     let mut rng = seed.child("policy", 0).rng();
     // Never empty: a scene without a free pose is none.
     let nodes = world.scene().graph().largest_component();
@@ -74,7 +77,7 @@ fn trajectory(
         node: nodes[rng.random_range(0..nodes.len())],
         heading: Heading::new(rng.random_range(0..8_usize)),
     };
-    let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0));
+    let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0))?;
     let trajectory_image = world.config().encode.trajectory;
     let mut policy =
         Nbp::new(Arc::clone(predictor), config.policy, Passability::Truth(Arc::clone(world)), trajectory_image);

@@ -96,7 +96,7 @@ mod tests {
 
     /// The episode of a policy from a start, to its end.
     pub(super) fn explore(world: &Arc<World>, policy: &mut dyn Policy, start: LatticePose, steps: usize) -> Episode {
-        let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(5));
+        let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(5)).unwrap();
         let mut rng = SeedTree::new(6).rng();
         policy.begin();
         while !episode.is_over() {

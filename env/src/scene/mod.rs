@@ -309,7 +309,7 @@ fn start_poses(
 }
 
 /// Mesh and settings of [`Scene::two_rooms`].
-fn two_rooms() -> (Mesh, Settings) {
+pub(crate) fn two_rooms() -> (Mesh, Settings) {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let mut quad = |corners: [[f32; 3]; 4]| {
         let base = vertices.len() as u32;

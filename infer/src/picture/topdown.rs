@@ -221,7 +221,7 @@ mod tests {
     fn it_shows_the_walk_the_right_way_round() {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
         let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
-        let mut episode = Episode::new(world, start, 3, SeedTree::new(1));
+        let mut episode = Episode::new(world, start, 3, SeedTree::new(1)).unwrap();
         for heading in 0..3 {
             episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
         }
