@@ -199,6 +199,11 @@ impl Coverage {
         }
     }
 
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        (self.candidates.capacity() + self.left.capacity() + self.first.capacity()) * size_of::<u32>()
+    }
+
     /// Number of covered points.
     pub fn covered(&self) -> usize {
         self.covered

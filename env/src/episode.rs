@@ -461,6 +461,14 @@ impl Episode {
         self.path_length
     }
 
+    /// Memory of this episode alone, bytes: what a further environment in the same world costs.
+    pub fn memory_bytes(&self) -> usize {
+        let frame =
+            self.frame.depth.capacity() * size_of::<f32>() + self.frame.colour.capacity() * size_of::<[u8; 3]>();
+        let curves = self.curve.capacity() * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
+        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves
+    }
+
     fn arrive(&mut self) {
         self.map.arrive(self.pose);
         let surface = &self.world.surface;

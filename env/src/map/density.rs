@@ -61,6 +61,11 @@ impl DensityGrid {
         self.counts.len()
     }
 
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        self.counts.iter().map(WorldGrid::bytes).sum()
+    }
+
     /// Adds the points of a frame; counts saturate.
     pub fn add(&mut self, points: &[Vec3]) {
         let Some(&first) = points.first() else { return };

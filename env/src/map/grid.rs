@@ -63,6 +63,11 @@ impl<T: Copy + Default> WorldGrid<T> {
         }
     }
 
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        self.cells.capacity() * size_of::<T>()
+    }
+
     /// Lowest cell and number of cells along `x` and `z`.
     pub fn extent(&self) -> ([i32; 2], [usize; 2]) {
         (self.low, self.shape)

@@ -55,6 +55,15 @@ impl AgentMap {
         &self.cloud
     }
 
+    /// Memory that it holds, bytes. The sets of poses and edges, a few thousandths of it, are left out.
+    pub fn bytes(&self) -> usize {
+        self.density.bytes()
+            + self.occupancy.bytes()
+            + self.cloud.capacity() * size_of::<Vec3>()
+            + self.colours.capacity() * size_of::<[u8; 3]>()
+            + self.history.capacity() * size_of::<LatticePose>()
+    }
+
     /// The agent stands at a pose at the end of a step.
     pub fn arrive(&mut self, pose: LatticePose) {
         if let Some(last) = self.history.last().filter(|last| last.node != pose.node) {

@@ -50,6 +50,11 @@ impl OccupancyGrid {
         self.cells.extent()
     }
 
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        self.cells.bytes()
+    }
+
     /// Carves the rays of one frame.
     pub fn carve(&mut self, camera: &Camera, pose: &Pose, frame: &Frame) {
         let row = frame.height / 2;
