@@ -12,7 +12,7 @@ static MEMORY: PeakAlloc = PeakAlloc;
 /// An episode that has looked around from one place.
 fn looked_around(world: &Arc<World>, steps: usize) -> Episode {
     let start = LatticePose { node: Node { i: 1, k: 2 }, heading: Heading::new(0) };
-    let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(1));
+    let mut episode = Episode::new(Arc::clone(world), start, steps, SeedTree::new(1)).unwrap();
     for heading in (1..=steps).map(Heading::new) {
         episode.step(Action { direction: None, heading });
     }
