@@ -504,12 +504,13 @@ impl Episode {
 /// has colours, also theirs.
 fn keep_points(camera: &Camera, pose: &Pose, frame: &Frame, keep: f32, rng: &mut Rng) -> (Vec<Vec3>, Vec<[u8; 3]>) {
     let run = (1.0 / keep).round().max(1.0) as usize;
+    let eye = camera.at(pose);
     let mut points = Vec::with_capacity(frame.depth.len() / run + 1);
     let mut colours = Vec::new();
     for begin in (0..frame.depth.len()).step_by(run) {
         let index = begin + rng.random_range(0..run);
         if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0) {
-            points.push(camera.unproject(pose, index % frame.width, index / frame.width, depth));
+            points.push(eye.unproject(index % frame.width, index / frame.width, depth));
             colours.extend(frame.colour.get(index));
         }
     }

@@ -5,6 +5,7 @@
 //! The world is cut into a fixed grid of pixels, and a window is a crop of it: the agent's pixel is `(S/2, S/2)`, so the
 //! window's centre is off by at most half a pixel, the same for inputs, obstacle maps and labels.
 
+use crate::map::grid::cell_of;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +36,7 @@ impl WindowSize {
 
     /// The world pixel, `[x, z]`, of a position.
     pub fn world_pixel(&self, position: Vec3) -> [i32; 2] {
-        [(position.x / self.pixel()).floor() as i32, (position.z / self.pixel()).floor() as i32]
+        [cell_of(position.x / self.pixel()), cell_of(position.z / self.pixel())]
     }
 
     /// The window around a position.

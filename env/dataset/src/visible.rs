@@ -26,7 +26,7 @@ pub fn visible_share(scene: &Scene) -> f64 {
         let [first_col, first_row] = [number % STRIDE[0], number % STRIDE[1]];
         for row in (first_row..frame.height).step_by(STRIDE[1]) {
             for col in (first_col..frame.width).step_by(STRIDE[0]) {
-                points.extend(frame.at(col, row).map(|depth| config.camera.unproject(&pose, col, row, depth)));
+                points.extend(frame.at(col, row).map(|depth| config.camera.at(&pose).unproject(col, row, depth)));
             }
         }
         coverage.add(&surface, &points, number as u32);

@@ -92,12 +92,9 @@ impl DensityGrid {
         out.fill(0);
         let (first, last) = (window.world_pixel(0, 0), window.world_pixel(side - 1, side - 1));
         for (grid, image) in self.counts.iter().zip(out.chunks_exact_mut(side * side)) {
-            for col in 0..side {
-                // Rows grow towards -z, so a column of the world is read upwards.
-                let (start, cells) = grid.column(first[0] - col as i32, last[1], first[1]);
-                for (offset, &count) in cells.iter().enumerate() {
-                    image[(first[1] - start) as usize * side - offset * side + col] = count;
-                }
+            for (z, line) in (last[1]..=first[1]).rev().zip(image.chunks_exact_mut(side)) {
+                let (start, counts) = grid.row(z, first[0], last[0]);
+                line[(first[0] - start) as usize..][..counts.len()].copy_from_slice(counts);
             }
         }
     }

@@ -1,4 +1,6 @@
 //! A dense grid over world cells that grows to what is written: the agent does not know how large the world is.
+//!
+//! Cells of one `z` lie together, from high to low `x`: rows of a grid are rows of the images ([`crate::window`]).
 
 use glam::Vec3;
 
@@ -34,13 +36,13 @@ impl<T: Copy + Default> WorldGrid<T> {
         let new_high = [0, 1].map(|a| if empty || high[a] >= end(a) { to(a) + MARGIN } else { to(a) });
         let shape = [0, 1].map(|a| (new_high[a] - new_low[a] + 1) as usize);
         let mut cells = vec![T::default(); shape[0] * shape[1]];
-        for x in 0..self.shape[0] {
-            let column = (self.low[0] - new_low[0]) as usize + x;
-            let start = column * shape[1] + (self.low[1] - new_low[1]) as usize;
-            cells[start..start + self.shape[1]]
-                .copy_from_slice(&self.cells[x * self.shape[1]..(x + 1) * self.shape[1]]);
+        let grown = Self { low: new_low, shape, cells: Vec::new() };
+        for (z, row) in (self.low[1]..).zip(self.cells.chunks_exact(self.shape[0].max(1))) {
+            if let Some(start) = grown.index([end(0) - 1, z]) {
+                cells[start..start + row.len()].copy_from_slice(row);
+            }
         }
-        *self = Self { low: new_low, shape, cells };
+        *self = Self { cells, ..grown };
     }
 
     /// Value of a cell.
@@ -53,13 +55,26 @@ impl<T: Copy + Default> WorldGrid<T> {
         self.index(cell).map(|at| &mut self.cells[at])
     }
 
-    /// The part of column `x` that lies in rows `z_low..=z_high`, with the row of its first cell.
-    pub fn column(&self, x: i32, z_low: i32, z_high: i32) -> (i32, &[T]) {
-        let from = z_low.max(self.low[1]);
-        let to = z_high.min(self.low[1] + self.shape[1] as i32 - 1);
-        match (self.index([x, from]), self.index([x, to])) {
-            (Some(start), Some(end)) if from <= to => (from, &self.cells[start..=end]),
-            _ => (z_low, &[]),
+    /// The part of row `z` from `x_high` down to `x_low`, with the `x` of its first cell.
+    pub fn row(&self, z: i32, x_high: i32, x_low: i32) -> (i32, &[T]) {
+        let from = x_high.min(self.low[0] + self.shape[0] as i32 - 1);
+        let to = x_low.max(self.low[0]);
+        match (self.index([from, z]), self.index([to, z])) {
+            (Some(start), Some(end)) if to <= from => (from, &self.cells[start..=end]),
+            _ => (x_high, &[]),
+        }
+    }
+
+    /// Changes the cells of [`cells_between`] two positions that were included.
+    pub fn change_between(&mut self, a: Vec3, b: Vec3, side: f32, mut change: impl FnMut(&mut T)) {
+        let way = Traversal::new(a, b, side);
+        // Segments and grids are convex: with both ends, all that lies between is inside.
+        let (Some(mut at), Some(_)) = (self.index(way.start), self.index(way.end)) else { return };
+        let strides = [-(way.step[0] as isize), way.step[1] as isize * self.shape[0] as isize];
+        change(&mut self.cells[at]);
+        for axis in way {
+            at = at.wrapping_add_signed(if axis == 0 { strides[0] } else { strides[1] });
+            change(&mut self.cells[at]);
         }
     }
 
@@ -76,32 +91,74 @@ impl<T: Copy + Default> WorldGrid<T> {
     fn index(&self, [x, z]: [i32; 2]) -> Option<usize> {
         let column = usize::try_from(x.checked_sub(self.low[0])?).ok()?;
         let row = usize::try_from(z.checked_sub(self.low[1])?).ok()?;
-        (column < self.shape[0] && row < self.shape[1]).then_some(column * self.shape[1] + row)
+        (column < self.shape[0] && row < self.shape[1]).then(|| (row + 1) * self.shape[0] - 1 - column)
     }
 }
 
-/// Cells of side `cell` metres that a segment crosses in the `(x, z)` plane, from its first end to its last, each once.
-pub fn cells_between(a: Vec3, b: Vec3, cell: f32) -> impl Iterator<Item = [i32; 2]> {
-    let (from, to) = ([a.x / cell, a.z / cell], [b.x / cell, b.z / cell]);
-    let (start, end) = (from.map(|v| v.floor() as i32), to.map(|v| v.floor() as i32));
-    let step = [0, 1].map(|axis| (end[axis] - start[axis]).signum());
-    // Share of the segment between two borders of each axis, and at which the next one is crossed.
-    let stride = [0, 1].map(|axis| 1.0 / (to[axis] - from[axis]).abs().max(1e-9));
-    let mut next = [0, 1].map(|axis| {
-        let border = if step[axis] > 0 { start[axis] + 1 } else { start[axis] } as f32;
-        (border - from[axis]).abs() * stride[axis]
-    });
-    let crossings = (end[0] - start[0]).unsigned_abs() + (end[1] - start[1]).unsigned_abs();
-    let mut current = start;
-    (0..=crossings).map(move |n| {
-        if n > 0 {
-            // An axis that has arrived must not move on, whatever rounding says.
-            let axis = usize::from(current[0] == end[0] || (current[1] != end[1] && next[1] < next[0]));
-            current[axis] += step[axis];
-            next[axis] += stride[axis];
-        }
+/// The cell of a coordinate: `floor`, without a call into the C library.
+pub fn cell_of(coordinate: f32) -> i32 {
+    let towards_zero = coordinate as i32;
+    towards_zero.saturating_sub(i32::from(towards_zero as f32 > coordinate))
+}
+
+/// Cells of side `side` metres that a segment crosses in the `(x, z)` plane, from its first end to its last, each once.
+pub fn cells_between(a: Vec3, b: Vec3, side: f32) -> impl Iterator<Item = [i32; 2]> {
+    let way = Traversal::new(a, b, side);
+    let (mut current, step) = (way.start, way.step);
+    std::iter::once(current).chain(way.map(move |axis| {
+        current[axis] += step[axis];
         current
-    })
+    }))
+}
+
+/// The axes across which a segment leaves its cells, in order (Amanatides and Woo, "A Fast Voxel Traversal Algorithm",
+/// 1987).
+struct Traversal {
+    start: [i32; 2],
+    end: [i32; 2],
+    /// Direction along each axis: -1, 0 or 1.
+    step: [i32; 2],
+    /// Borders still to cross on each axis.
+    left: [u32; 2],
+    /// Share of the segment at which the next border of each axis is crossed; infinite once the axis has arrived, so that
+    /// it does not move on, whatever rounding says.
+    next: [f32; 2],
+    /// Share of the segment between two borders of each axis.
+    stride: [f32; 2],
+}
+
+impl Traversal {
+    fn new(a: Vec3, b: Vec3, side: f32) -> Self {
+        let (from, to) = ([a.x / side, a.z / side], [b.x / side, b.z / side]);
+        let (start, end) = (from.map(cell_of), to.map(cell_of));
+        let step = [0, 1].map(|axis| (end[axis] - start[axis]).signum());
+        let left = [0, 1].map(|axis| end[axis].abs_diff(start[axis]));
+        let stride = [0, 1].map(|axis| 1.0 / (to[axis] - from[axis]).abs().max(1e-9));
+        let next = [0, 1].map(|axis| {
+            let border = if step[axis] > 0 { start[axis] + 1 } else { start[axis] } as f32;
+            if left[axis] == 0 { f32::INFINITY } else { (border - from[axis]).abs() * stride[axis] }
+        });
+        Self { start, end, step, left, next, stride }
+    }
+}
+
+impl Iterator for Traversal {
+    type Item = usize;
+
+    fn next(&mut self) -> Option<usize> {
+        if self.left[0] + self.left[1] == 0 {
+            return None;
+        }
+        let axis = usize::from(self.next[1] < self.next[0]);
+        // Both axes are computed and one is taken: which it is cannot be foretold, and a wrong guess costs more.
+        for a in 0..2 {
+            let moves = a == axis;
+            self.left[a] -= u32::from(moves);
+            let onward = self.next[a] + if moves { self.stride[a] } else { 0.0 };
+            self.next[a] = if self.left[a] == 0 { f32::INFINITY } else { onward };
+        }
+        Some(axis)
+    }
 }
 
 #[cfg(test)]
@@ -118,8 +175,10 @@ mod tests {
             *grid.get_mut(cell).unwrap() = n as u16 + 1;
         }
         assert_eq!([[0, 0], [-500, 3], [40, 900], [-501, -7]].map(|c| grid.get(c)), [1, 2, 3, 4]);
-        let (start, cells) = grid.column(40, 898, 5_000_000);
-        assert_eq!((start, cells[2]), (898, 3));
+        let (start, cells) = grid.row(900, 42, -5_000_000);
+        assert_eq!((start, cells[2]), (42, 3));
+        let (_, cells) = grid.row(900, 5_000_000, 40);
+        assert_eq!(cells.last(), Some(&3));
     }
 
     proptest! {
@@ -135,7 +194,12 @@ mod tests {
             for pair in cells.windows(2) {
                 prop_assert_eq!((pair[0][0] - pair[1][0]).abs() + (pair[0][1] - pair[1][1]).abs(), 1);
             }
+            let mut grid = WorldGrid::<u8>::default();
+            grid.include([-40; 2], [40; 2]);
+            grid.change_between(a, b, side, |count| *count += 1);
+            prop_assert_eq!(grid.cells.iter().map(|&count| usize::from(count)).sum::<usize>(), cells.len());
             for cell in cells {
+                prop_assert_eq!(grid.get(cell), 1);
                 // Every cell lies within its own half-diagonal of the segment.
                 let middle = Vec3::new(cell[0] as f32 + 0.5, 0.0, cell[1] as f32 + 0.5) * side;
                 let t = ((middle - a).dot(b - a) / (b - a).length_squared().max(1e-9)).clamp(0.0, 1.0);

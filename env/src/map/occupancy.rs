@@ -3,7 +3,7 @@
 //! The lattice agent moves in the plane of its camera, so only what stands in that plane can stop it; the rows of the
 //! image next to the horizon measure exactly that.
 
-use super::grid::{WorldGrid, cells_between};
+use super::grid::{WorldGrid, cell_of, cells_between};
 use crate::pose::Pose;
 use crate::sensor::{Camera, Frame};
 use glam::Vec3;
@@ -32,7 +32,7 @@ pub struct OccupancyGrid {
 impl OccupancyGrid {
     /// Cell of a position.
     pub fn cell_of(position: Vec3) -> [i32; 2] {
-        [(position.x / CELL).floor() as i32, (position.z / CELL).floor() as i32]
+        [cell_of(position.x / CELL), cell_of(position.z / CELL)]
     }
 
     /// Middle of a cell, at height zero.
@@ -57,13 +57,13 @@ impl OccupancyGrid {
 
     /// Carves the rays of one frame.
     pub fn carve(&mut self, camera: &Camera, pose: &Pose, frame: &Frame) {
-        let row = frame.height / 2;
+        let (eye, row) = (camera.at(pose), frame.height / 2);
         let mut hits = Vec::with_capacity(frame.width);
         let [mut low, mut high] = [pose.position, pose.position];
         for col in 0..frame.width {
             let depth = frame.depth[row * frame.width + col];
             if depth > 0.0 {
-                let hit = camera.unproject(pose, col, row, depth);
+                let hit = eye.unproject(col, row, depth);
                 // A surface on the border of two cells belongs to the farther one.
                 let hit = hit + 0.02 * (hit - pose.position).normalize_or_zero();
                 low = low.min(hit);
@@ -73,11 +73,9 @@ impl OccupancyGrid {
         }
         self.cells.include(Self::cell_of(low), Self::cell_of(high));
         for &hit in &hits {
-            for cell in cells_between(pose.position, hit, CELL) {
-                if let Some(state @ Cell::Unknown) = self.cells.get_mut(cell) {
-                    *state = Cell::Free;
-                }
-            }
+            self.cells.change_between(pose.position, hit, CELL, |state| {
+                *state = if *state == Cell::Unknown { Cell::Free } else { *state };
+            });
         }
         // Hits last: a ray that grazes a wall must not erase it.
         for hit in hits {

@@ -81,16 +81,15 @@ impl Camera {
         [col as f32 + 0.5 - self.width as f32 / 2.0, row as f32 + 0.5 - self.height as f32 / 2.0]
     }
 
-    /// Direction through the centre of a pixel, in the world. Its length along the optical axis is 1, so `position +
-    /// depth · ray` is the surface that the pixel shows.
-    pub fn ray(&self, pose: &Pose, col: usize, row: usize) -> Vec3 {
-        let [right, down] = self.offsets(col, row);
-        pose.forward() + (pose.right() * right - Vec3::Y * down) / self.focal()
-    }
-
-    /// The surface point, in the world, that a pixel shows at a depth along the optical axis.
-    pub fn unproject(&self, pose: &Pose, col: usize, row: usize, depth: f32) -> Vec3 {
-        pose.position + depth * self.ray(pose, col, row)
+    /// The camera at a pose, ready to turn many pixels into rays and points.
+    pub fn at(&self, pose: &Pose) -> PosedCamera {
+        PosedCamera {
+            position: pose.position,
+            forward: pose.forward(),
+            right: pose.right(),
+            focal: self.focal(),
+            camera: *self,
+        }
     }
 
     /// `[col, row, depth]` of a point: continuous image coordinates (pixel `(i, j)` covers `i..i + 1`, `j..j + 1`) and
@@ -109,6 +108,30 @@ impl Camera {
     }
 }
 
+/// A camera at a pose: [`Camera::at`].
+#[derive(Clone, Copy, Debug)]
+pub struct PosedCamera {
+    position: Vec3,
+    forward: Vec3,
+    right: Vec3,
+    focal: f32,
+    camera: Camera,
+}
+
+impl PosedCamera {
+    /// Direction through the centre of a pixel, in the world. Its length along the optical axis is 1, so `position +
+    /// depth · ray` is the surface that the pixel shows.
+    pub fn ray(&self, col: usize, row: usize) -> Vec3 {
+        let [right, down] = self.camera.offsets(col, row);
+        self.forward + (self.right * right - Vec3::Y * down) / self.focal
+    }
+
+    /// The surface point, in the world, that a pixel shows at a depth along the optical axis.
+    pub fn unproject(&self, col: usize, row: usize, depth: f32) -> Vec3 {
+        self.position + depth * self.ray(col, row)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,7 +144,7 @@ mod tests {
             for (k, depth) in [(0.0, 0.01), (0.7, 1.0), (3.0, 5.5), (-2.0, 19.0)] {
                 let pose = Pose { position: Vec3::new(3.0, 1.65, -8.0), azimuth: k };
                 for (col, row) in [(0, 0), (camera.width - 1, camera.height - 1), (camera.width / 3, 7), (5, 39)] {
-                    let point = camera.unproject(&pose, col, row, depth);
+                    let point = camera.at(&pose).unproject(col, row, depth);
                     let [x, y, z] = camera.project(&pose, point).unwrap();
                     let slack = 2e-3_f32.max(1e-5 / depth * camera.focal());
                     assert!((x - col as f32 - 0.5).abs() < slack && (y - row as f32 - 0.5).abs() < slack, "{x} {y}");

@@ -357,7 +357,7 @@ mod tests {
         let camera = Camera { width: 64, height: 64, ..Camera::default() };
         let found = picture(&mesh, &camera, &EYE, Colour::Nearest);
         for (col, row) in [(32, 40), (10, 50), (60, 37), (31, 60)] {
-            let ray = camera.ray(&EYE, col, row);
+            let ray = camera.at(&EYE).ray(col, row);
             let expected = colour(ray / -ray.y);
             let apart = found[row * 64 + col].iter().zip(expected).map(|(a, b)| a.abs_diff(b)).max();
             assert!(apart <= Some(1), "{:?} {expected:?}", found[row * 64 + col]);
@@ -399,7 +399,7 @@ mod tests {
                 assert_eq!(drawn.colour[at], shot.colour[at]);
                 same += 1;
                 // The texture lies on the world like a map: the point that the ray hits says which texel it is.
-                let hit = camera.unproject(&pose, at % camera.width, at / camera.width, shot.depth[at]);
+                let hit = camera.at(&pose).unproject(at % camera.width, at / camera.width, shot.depth[at]);
                 let texel = |v: f32| (v.rem_euclid(1.0) * 8.0) as usize % 8;
                 let uv = place(hit);
                 let expected = appearance.images[0].pixels[(7 - texel(uv.y)) * 8 + texel(uv.x)];

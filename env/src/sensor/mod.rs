@@ -13,7 +13,7 @@ pub mod raster;
 pub(crate) mod test_scenes;
 pub mod trace;
 
-pub use camera::{Camera, CameraError, MAX_SIDE};
+pub use camera::{Camera, CameraError, MAX_SIDE, PosedCamera};
 pub use colour::{Colour, RgbdCamera};
 pub use raster::{DepthCamera, RasterIndex, render};
 pub use trace::{RayCamera, trace};

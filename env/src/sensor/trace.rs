@@ -26,12 +26,13 @@ pub fn trace(rays: &RayIndex, camera: &Camera, pose: &Pose, out: &mut Frame) {
 /// One image by rays, and in `triangles` the number of the triangle that each pixel shows, [`NO_TRIANGLE`] where it shows
 /// nothing.
 pub fn trace_marked(rays: &RayIndex, camera: &Camera, pose: &Pose, out: &mut Frame, triangles: &mut Vec<u32>) {
+    let eye = camera.at(pose);
     out.resize(camera);
     triangles.clear();
     for (row, line) in out.depth.chunks_exact_mut(camera.width).enumerate() {
         for (col, depth) in line.iter_mut().enumerate() {
             // The ray advances 1 along the optical axis, so its parameter is the depth.
-            let ray = camera.ray(pose, col, row);
+            let ray = eye.ray(col, row);
             let hit = rays.nearest_between(pose.position, ray, Camera::NEAR, camera.range);
             *depth = hit.map_or(0.0, |hit| hit.t);
             triangles.push(hit.map_or(NO_TRIANGLE, |hit| hit.triangle));

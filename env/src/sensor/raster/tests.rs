@@ -96,7 +96,7 @@ fn every_pixel_on_a_corner_of_a_grid_is_covered() {
     let mut soup = Soup::default();
     for row in 0..48 {
         for col in 0..64 {
-            soup.0.push(camera.unproject(&pose, col, row, 4.0));
+            soup.0.push(camera.at(&pose).unproject(col, row, 4.0));
         }
     }
     for a in (0..47).flat_map(|row| (0..63).map(move |col| row * 64 + col)) {
