@@ -1,0 +1,55 @@
+//! Microseconds to count the kept points of a frame, at the two densities that matter.
+
+use crate::clock::{Effort, Times, seconds};
+use crate::house::House;
+use crate::scenes::Dice;
+use glam::Vec3;
+use nbp_env::coverage::{Coverage, CoverageConfig, Surface};
+use nbp_env::sensor::{Frame, Sensor as _};
+use serde_json::{Value, json};
+use std::error::Error;
+
+/// One pixel in so many is kept.
+const RUN: usize = 20;
+
+pub(crate) fn measure(houses: &[House], effort: Effort) -> Result<Vec<Value>, Box<dyn Error>> {
+    println!("coverage, us per frame of {} steps, median of {} repeats\n", effort.steps, effort.repeats);
+    println!("{:>10}{:>18}{:>18}{:>12}", "triangles", "20,000 at 0.5 m", "200,000 at 5 cm", "covered");
+    Ok(houses.iter().map(|house| row(house, effort)).collect())
+}
+
+fn row(house: &House, effort: Effort) -> Value {
+    let clouds = kept(house, effort.steps);
+    let config = CoverageConfig::default();
+    let fine = CoverageConfig { points: 200_000, epsilon: 0.05, ..config };
+    let fine = Surface::of(house.world.scene(), &fine);
+    let surfaces = [house.world.surface(), &fine];
+    let (mut times, mut shares) = ([Times::default(), Times::default()], [0.0; 2]);
+    for _ in 0..effort.repeats {
+        for ((surface, times), share) in surfaces.iter().zip(&mut times).zip(&mut shares) {
+            let mut coverage = Coverage::new(surface);
+            let all = seconds(|| clouds.iter().for_each(|cloud| coverage.add(surface, cloud, 1)));
+            times.push(1e6 * all / clouds.len() as f64);
+            *share = coverage.share();
+        }
+    }
+    let [coarse, fine] = &times;
+    print!("{:>10}{:>18.0}{:>18.0}", house.triangles(), coarse.median(), fine.median());
+    println!("{:>6.2} {:>5.2}", shares[0], shares[1]);
+    json!({ "coarse_us": coarse.json(), "fine_us": fine.json(), "coarse_covered": shares[0], "fine_covered": shares[1] })
+}
+
+/// The points kept of the frames of a walk.
+fn kept(house: &House, steps: usize) -> Vec<Vec<Vec3>> {
+    let (world, start) = (&house.world, house.start(0));
+    let (sensor, mut frame, mut dice) = (world.sensor(), Frame::default(), Dice(11));
+    let mut points = |pose| {
+        sensor.capture(world.scene(), &pose, &mut frame);
+        let pixel = |run: usize| run * RUN + dice.between(0.0, RUN as f32) as usize;
+        let pixels = (0..frame.depth.len() / RUN).map(pixel).filter(|&pixel| frame.depth[pixel] > 0.0);
+        let (camera, width) = (sensor.camera().at(&pose), frame.width);
+        pixels.map(|p| camera.unproject(p % width, p / width, frame.depth[p])).collect()
+    };
+    let poses = house.captures(start, &house.walk(start, steps, 0));
+    poses.into_iter().flatten().map(&mut points).collect()
+}
