@@ -11,6 +11,7 @@ pub mod rollout;
 
 pub mod eval;
 pub mod journal;
+pub mod speed;
 
 pub mod export;
 pub mod picture;

@@ -127,6 +127,26 @@ fn an_evaluation_goes_on_where_it_stopped() {
 }
 
 #[test]
+fn speed_is_one_json_object_of_five_figures() {
+    let dir = tempfile::tempdir().unwrap();
+    write_scenes(dir.path());
+    let told = succeeds(dir.path(), "speed --scenes scenes --threads 2 --steps 8 --policy fbe --json");
+    let figures: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&told).unwrap();
+    let mut keys: Vec<&str> = figures.keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    assert_eq!(keys, ["coverage_us", "frame_ms", "input_us", "memory_mb", "steps_per_second"]);
+    for (key, figure) in &figures {
+        assert!(figure.as_f64().is_some_and(|figure| figure > 0.0), "{key}: {figure}");
+    }
+    // 116,736 depths, 20,000 surface points and four layers of 256² counts are not to be had for less.
+    let megabytes = figures["memory_mb"].as_f64().unwrap();
+    assert!((1.0..200.0).contains(&megabytes), "{megabytes}");
+    let told = succeeds(dir.path(), "speed --scenes scenes/a --threads 1 --steps 2");
+    assert!(told.starts_with("scenes: 1,") && told.contains("MB per environment"), "{told}");
+    assert!(succeeds(dir.path(), "speed --help").contains("steps_per_second"));
+}
+
+#[test]
 fn predictions_are_those_of_the_library() {
     let dir = tempfile::tempdir().unwrap();
     write_checkpoint(dir.path());
@@ -196,6 +216,13 @@ fn bad_input_is_an_error_that_says_what_to_do() {
         ("eval --scenes net --out o", 1, "holds no scene"),
         ("eval --scenes scenes --out o --policies random,nbp", 2, "policy nbp needs a network"),
         ("eval --scenes scenes --out o --seeds 0", 2, "at least 1"),
+        ("speed --scenes nowhere", 1, "there is no nowhere"),
+        ("speed --scenes net", 1, "holds no scene"),
+        ("speed --scenes bad.obj", 1, "line 1"),
+        ("speed --scenes scenes --threads 0", 2, "0 threads"),
+        ("speed --scenes scenes --steps 0", 2, "at least 1"),
+        ("speed --scenes scenes --policy nbp", 2, "use random or fbe"),
+        ("speed", 2, "--scenes"),
         ("import file --out o", 1, "cannot import the weights"),
         ("import nowhere.pth --out o", 1, "cannot read nowhere.pth"),
         ("predict --checkpoint net --input nowhere --out y", 1, "cannot read nowhere"),

@@ -7,6 +7,7 @@ mod overrides;
 mod predict;
 mod rollout;
 mod setup;
+mod speed;
 mod talk;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -20,6 +21,7 @@ Examples:
   cargo run -p infer -- rollout --scene maps/normal/3001 --policy fbe --steps 200 --out out/fbe
   cargo run -p infer -- rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/quickstart/checkpoints/best --out out/map01
   cargo run -p infer -- eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/quickstart/checkpoints/best --out out/eval
+  cargo run -p infer -- speed --scenes maps/simple --threads 2 --json
   cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
   cargo run -p infer -- predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
 
@@ -43,9 +45,9 @@ struct Common {
     /// Where the network computes: auto, flex, ndarray, wgpu or cuda
     #[arg(long, global = true, default_value_t = DeviceChoice::Auto, value_name = "DEVICE")]
     device: DeviceChoice,
-    /// Threads to use; 0 for one a core. Results do not depend on it
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    threads: usize,
+    /// Threads to use; one a core if left out or 0. Results do not depend on it
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
     /// Say nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -62,6 +64,8 @@ enum Command {
     Eval(eval::Args),
     /// Run the network on tensors, for comparison with other frameworks
     Predict(predict::Args),
+    /// Measure how fast the simulator is in scenes of your own
+    Speed(speed::Args),
     /// Turn PyTorch weights of the released code into a checkpoint
     Import(import::Args),
 }
@@ -70,9 +74,10 @@ enum Command {
 pub(crate) fn main() -> ExitCode {
     let Cli { common, command } = Cli::parse();
     let talk = Talk::new(common.quiet, common.verbose);
-    let result = threads(common.threads).and_then(|()| match command {
+    let result = threads(common.threads.unwrap_or(0)).and_then(|()| match command {
         Command::Rollout(args) => rollout::run(&args, common.device, talk),
         Command::Eval(args) => eval::run(&args, common.device, talk),
+        Command::Speed(args) => speed::run(&args, common.threads, talk),
         Command::Predict(args) => predict::run(&args, common.device, talk),
         Command::Import(args) => import::run(&args, talk),
     });
