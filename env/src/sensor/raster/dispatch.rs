@@ -8,17 +8,16 @@ use super::image::Image;
 use super::index::RasterIndex;
 use super::pyramid::Pyramid;
 use super::view::View;
-use super::walk::{Waiting, walk};
+use super::walk::{Queue, walk};
 use crate::sensor::colour::Painting;
 use crate::sensor::{Camera, Frame};
-use std::collections::BinaryHeap;
 use std::sync::LazyLock;
 
 /// Memory that one frame leaves to the next on the same thread.
 #[derive(Default)]
 pub(super) struct Scratch {
     pyramid: Pyramid,
-    queue: BinaryHeap<Waiting>,
+    queue: Queue,
 }
 
 /// A set of instructions that this machine has. Made by [`InstructionSet::available`] only, so that holding one proves
@@ -50,11 +49,13 @@ impl InstructionSet {
         all.into_iter().flatten()
     }
 
-    /// The widest available.
+    /// The fastest available. AVX-512 is not: measured on Zen 5, AVX2 is 3 to 8 % ahead of it.
     pub fn best() -> Self {
         // Asked once: the answer of the machine does not change.
-        static BEST: LazyLock<InstructionSet> =
-            LazyLock::new(|| InstructionSet::available().next_back().unwrap_or(InstructionSet(Set::Baseline)));
+        static BEST: LazyLock<InstructionSet> = LazyLock::new(|| {
+            let narrow = InstructionSet::available().take_while(|set| set.name() != "AVX-512");
+            narrow.last().unwrap_or(InstructionSet(Set::Baseline))
+        });
         *BEST
     }
 

@@ -78,7 +78,7 @@ impl<'a, const MARKED: bool> Image<'a, MARKED> {
 
     /// Whether a surface within an extent could be nearer than what is drawn.
     #[inline(always)]
-    pub(super) fn may_show(&self, extent: &Extent) -> bool {
+    pub(super) fn may_show(&mut self, extent: &Extent) -> bool {
         self.pyramid.may_show(extent)
     }
 

@@ -14,8 +14,10 @@ const BLOCK: usize = 4;
 pub(super) struct Pyramid {
     /// For each tile, in rows of `stride`, filled up with infinity to whole blocks and one block more.
     floor: Vec<f32>,
-    /// For each block.
+    /// For each block; lower than it could be where `block_is_stale`.
     block_floor: Vec<f32>,
+    /// Whether a tile of the block was raised since.
+    block_is_stale: Vec<bool>,
     /// Tiles, `[tx, ty]`, whose floors may be raised: something was drawn there.
     stale: Vec<[u16; 2]>,
     /// Whether a tile is in that list.
@@ -37,6 +39,8 @@ impl Pyramid {
         }
         self.block_floor.clear();
         self.block_floor.resize(block_columns * block_rows, far);
+        self.block_is_stale.clear();
+        self.block_is_stale.resize(block_columns * block_rows, false);
         self.stale.clear();
         self.is_stale.clear();
         self.is_stale.resize(self.floor.len(), false);
@@ -50,7 +54,7 @@ impl Pyramid {
 
     /// Whether a surface within an extent could be nearer than what is drawn.
     #[inline(always)]
-    pub(super) fn may_show(&self, extent: &Extent) -> bool {
+    pub(super) fn may_show(&mut self, extent: &Extent) -> bool {
         if extent.x0 >= extent.x1 || extent.y0 >= extent.y1 {
             return false;
         }
@@ -72,7 +76,7 @@ impl Pyramid {
         }
         for by in y0 / BLOCK..y1 / BLOCK + 1 {
             for bx in x0 / BLOCK..x1 / BLOCK + 1 {
-                if extent.nearest <= self.block_floor[by * self.block_columns + bx] {
+                if extent.nearest <= self.block_floor(bx, by) {
                     continue;
                 }
                 for y in y0.max(by * BLOCK)..(y1 + 1).min(by * BLOCK + BLOCK) {
@@ -105,13 +109,19 @@ impl Pyramid {
         Some([tx, ty])
     }
 
-    /// Raises the floor of a tile, and that of its block if the tile was what held it down.
+    /// Raises the floor of a tile.
     #[inline(always)]
     pub(super) fn raise(&mut self, tx: usize, ty: usize, raised: f32) {
-        let floor = std::mem::replace(&mut self.floor[ty * self.stride + tx], raised);
-        let block = ty / BLOCK * self.block_columns + tx / BLOCK;
-        if raised > floor && floor <= self.block_floor[block] {
-            let first = ty / BLOCK * BLOCK * self.stride + tx / BLOCK * BLOCK;
+        self.floor[ty * self.stride + tx] = raised;
+        // Looked at when somebody asks: a large triangle raises all the tiles of a block one after the other.
+        self.block_is_stale[ty / BLOCK * self.block_columns + tx / BLOCK] = true;
+    }
+
+    #[inline(always)]
+    fn block_floor(&mut self, bx: usize, by: usize) -> f32 {
+        let block = by * self.block_columns + bx;
+        if std::mem::take(&mut self.block_is_stale[block]) {
+            let first = by * BLOCK * self.stride + bx * BLOCK;
             let mut least = [f32::INFINITY; BLOCK];
             for line in 0..BLOCK {
                 let cells = &self.floor[first + line * self.stride..][..BLOCK];
@@ -121,5 +131,6 @@ impl Pyramid {
             }
             self.block_floor[block] = low(low(least[0], least[2]), low(least[1], least[3]));
         }
+        self.block_floor[block]
     }
 }

@@ -5,32 +5,36 @@ use super::index::{Child, LANES, Packet, RasterIndex};
 use super::view::{Extent, View};
 use std::collections::BinaryHeap;
 
-/// A box waiting to be opened, the nearest first.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Waiting {
-    child: Child,
-    extent: Extent,
+/// Boxes waiting to be opened.
+#[derive(Default)]
+pub(super) struct Queue {
+    boxes: Vec<(Child, Extent)>,
+    /// The nearest first: the bits of 1/depth, which order as the positive numbers do, above the place in `boxes`.
+    order: BinaryHeap<u64>,
 }
 
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.extent.nearest.total_cmp(&other.extent.nearest)
+impl Queue {
+    fn clear(&mut self) {
+        self.boxes.clear();
+        self.order.clear();
+    }
+
+    #[inline(always)]
+    fn push(&mut self, child: Child, extent: Extent) {
+        self.order.push(u64::from(extent.nearest.to_bits()) << 32 | self.boxes.len() as u64);
+        self.boxes.push((child, extent));
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<(Child, Extent)> {
+        self.order.pop().map(|entry| self.boxes[entry as u32 as usize])
+    }
+
+    #[inline(always)]
+    fn next(&self) -> Option<Child> {
+        self.order.peek().map(|&entry| self.boxes[entry as u32 as usize].0)
     }
 }
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Waiting {}
 
 /// Draws all that the view sees.
 #[inline(always)]
@@ -38,14 +42,17 @@ pub(super) fn walk<const MARKED: bool>(
     index: &RasterIndex,
     view: &View,
     image: &mut Image<'_, MARKED>,
-    queue: &mut BinaryHeap<Waiting>,
+    queue: &mut Queue,
 ) {
     queue.clear();
     open(index, view, 0, queue);
-    while let Some(Waiting { child, extent }) = queue.pop() {
+    while let Some((child, extent)) = queue.pop() {
         // Asked when its turn has come: by now, nearer boxes are drawn.
         if !image.may_show(&extent) {
             continue;
+        }
+        if let Some(next) = queue.next() {
+            index.fetch(next);
         }
         if child.packets == 0 {
             open(index, view, child.first as usize, queue);
@@ -89,12 +96,12 @@ fn draw<const MARKED: bool>(
 
 /// Queues the children of a node that lie in the view.
 #[inline(always)]
-fn open(index: &RasterIndex, view: &View, node: usize, queue: &mut BinaryHeap<Waiting>) {
+fn open(index: &RasterIndex, view: &View, node: usize, queue: &mut Queue) {
     let node = &index.nodes[node];
     let extents = view.extents(node);
     for (&extent, &child) in extents.iter().zip(&node.child).take(node.len) {
         if extent.x0 < extent.x1 && extent.y0 < extent.y1 {
-            queue.push(Waiting { child, extent });
+            queue.push(child, extent);
         }
     }
 }
