@@ -3,10 +3,12 @@
 use crate::coverage::{Counting, Coverage, CoverageConfig, Surface};
 use crate::encode::{EncodeConfig, encode};
 use crate::map::{AgentMap, MapView};
+use crate::motion::{Agent, Motion, Walker};
+use crate::pilot;
 use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node, Pose};
 use crate::predict::EncoderInput;
-use crate::scene::Scene;
 use crate::scene::slice::ObstacleGrid;
+use crate::scene::{Scene, SceneError};
 use crate::seed::{Rng, SeedTree};
 use crate::sensor::{Camera, CameraError, Colour, Frame, RgbdCamera, Sensor};
 use crate::visibility::{Visibility, VisibilityCache};
@@ -26,10 +28,21 @@ pub struct Action {
     pub heading: Heading,
 }
 
+/// What a policy wants next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decision {
+    /// A move on the lattice and a heading.
+    Action(Action),
+    /// A motion of the continuous agent.
+    Motion(Motion),
+}
+
 /// The simulator's settings, the same for every policy that is compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
+    /// What moves: `kind = "lattice"` or `kind = "continuous"`, with the settings of its motions.
+    pub agent: Agent,
     /// The depth camera.
     pub camera: Camera,
     /// Colours of images and of the cloud: `off`, `nearest` or `bilinear`. Nothing but them depends on it; scenes must be
@@ -41,13 +54,14 @@ pub struct SimConfig {
     pub coverage: CoverageConfig,
     /// Share of a frame's pixels that become points, rounded to one in a whole number (released code: 0.05, one in 20).
     pub keep: f32,
-    /// Captures during a step, the one at its end included (released code: 4).
+    /// Captures during a step, the one at its end included (released code: 4). A motion has one.
     pub captures: usize,
 }
 
 impl Default for SimConfig {
     fn default() -> Self {
         Self {
+            agent: Agent::Lattice,
             camera: Camera::default(),
             colour: Colour::Off,
             encode: EncodeConfig::default(),
@@ -64,6 +78,9 @@ pub enum SimError {
     /// In the camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// The scene has no room for the agent.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// Nothing to cover.
     #[error(
         "scene {scene}: no triangle lies in the box from {low} to {high} m: check scene.x_min, scene.x_max and the units"
@@ -132,8 +149,13 @@ impl SimConfig {
             (self.keep > 0.0 && self.keep <= 1.0, "keep", self.keep.to_string(), "above 0 and at most 1"),
             ((1..=64).contains(&self.captures), "captures", self.captures.to_string(), "from 1 to 64"),
         ];
-        match checks.into_iter().find(|(ok, ..)| !ok) {
-            Some((_, field, value, want)) => Err(SimError::Field { field, value, want }),
+        let motions = match &self.agent {
+            Agent::Lattice => None,
+            Agent::Continuous(config) => config.fault(),
+        };
+        let fault = checks.into_iter().find(|(ok, ..)| !ok).map(|(_, field, value, want)| (field, value, want));
+        match fault.or(motions) {
+            Some((field, value, want)) => Err(SimError::Field { field, value, want }),
             None => Ok(()),
         }
     }
@@ -151,12 +173,16 @@ pub struct World {
 }
 
 impl World {
-    /// Prepares a scene for episodes.
+    /// Prepares a scene for episodes, with a lattice laid anew where the agent is continuous.
     ///
     /// # Errors
-    /// When a setting is out of range or the scene has no surface to cover.
+    /// When a setting is out of range, the scene has no surface to cover, or no room for the agent.
     pub fn new(scene: Scene, config: &SimConfig) -> Result<Self, SimError> {
         config.validate()?;
+        let scene = match &config.agent {
+            Agent::Lattice => scene,
+            Agent::Continuous(agent) => scene.for_robot(agent.camera_height, agent.lattice_step, agent.clearance())?,
+        };
         let surface = Surface::of(&scene, &config.coverage);
         if surface.is_empty() {
             let [low, high] = scene.bounds();
@@ -262,7 +288,8 @@ pub enum StartError {
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepOutcome {
-    /// The move hit an obstacle: the agent stayed, the step is spent.
+    /// The move hit an obstacle: the agent stayed, the step is spent. In the continuous world it may have come a part of
+    /// the way.
     pub bumped: bool,
     /// Covered share after the step.
     pub coverage: f32,
@@ -274,6 +301,8 @@ pub struct StepOutcome {
 ///   first frame is taken at the start, before any step.
 /// - Action: [`Action`], a move to one of four neighbours or none, and one of eight headings. A move into an obstacle
 ///   spends the step and leaves the agent where and as it was; [`StepOutcome::bumped`] tells.
+///   In the continuous world an action is carried out as motions of one step each, see [`Episode::step`]; and
+///   [`Episode::move_by`] performs a single [`Motion`].
 /// - Reward: the growth of [`StepOutcome::coverage`], the share of the ground-truth surface that has been reconstructed.
 /// - Termination: [`Episode::is_over`], after `horizon` steps; nothing ends an episode earlier, and steps after it do nothing.
 ///
@@ -306,6 +335,10 @@ pub struct Episode {
     map: AgentMap,
     coverage: Coverage,
     pose: LatticePose,
+    /// The body, in the continuous world.
+    walker: Option<Walker>,
+    /// True camera pose at the start and after each step.
+    track: Vec<Pose>,
     step: usize,
     horizon: usize,
     pixels: SeedTree,
@@ -357,11 +390,18 @@ impl Episode {
     /// `start` is free. `frame` lends its memory.
     fn begin(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree, frame: Frame) -> Self {
         let encode = &world.config.encode;
-        let map = AgentMap::new(encode.window, encode.layers, world.scene.lattice().origin.y);
+        let map = AgentMap::new(encode.window, encode.layers, world.scene.floor());
+        let pose = world.scene.lattice().pose(start);
+        let walker = match world.config.agent {
+            Agent::Lattice => None,
+            Agent::Continuous(config) => Some(Walker::new(config, pose)),
+        };
         let mut episode = Self {
             map,
             coverage: Coverage::new(&world.surface),
             pose: start,
+            walker,
+            track: Vec::new(),
             step: 0,
             horizon,
             pixels: seed.child("pixels", 0),
@@ -373,17 +413,47 @@ impl Episode {
             path_length: 0.0,
             world,
         };
-        let pose = episode.world.scene.lattice().pose(start);
         episode.capture(&pose, 0);
         episode.arrive();
         episode
     }
 
     /// Performs an action. After the horizon nothing happens any more.
+    ///
+    /// In the lattice world it is one step. In the continuous world the agent walks to the neighbouring node and turns to
+    /// the heading, see [`pilot`]; each motion is a step, the horizon may end them anywhere, and the first one that is
+    /// blocked ends the action. Where there is nothing to do, one step is spent standing.
     pub fn step(&mut self, action: Action) -> StepOutcome {
-        if self.is_over() {
-            return StepOutcome { bumped: false, coverage: self.share() };
+        let bumped = match self.walker {
+            _ if self.is_over() => false,
+            None => self.jump(action),
+            Some(_) => self.walk(action),
+        };
+        StepOutcome { bumped, coverage: self.share() }
+    }
+
+    /// Performs one motion of the continuous agent, which is one step. After the horizon nothing happens any more. An
+    /// agent of the lattice world has no motions: it stands, and the step counts as bumped.
+    pub fn move_by(&mut self, motion: Motion) -> StepOutcome {
+        let bumped = !self.is_over() && !self.perform(Some(motion));
+        StepOutcome { bumped, coverage: self.share() }
+    }
+
+    /// Performs what [`decide`](crate::policy::decide) said.
+    pub fn follow(&mut self, decision: Decision) -> StepOutcome {
+        match decision {
+            Decision::Action(action) => self.step(action),
+            Decision::Motion(motion) => self.move_by(motion),
         }
+    }
+
+    /// Whether the agent acts in motions.
+    pub fn is_continuous(&self) -> bool {
+        self.walker.is_some()
+    }
+
+    /// One step to a lattice pose; tells whether it bumped.
+    fn jump(&mut self, action: Action) -> bool {
         self.step += 1;
         let node = action.direction.map_or(self.pose.node, |direction| self.pose.node.step(direction));
         let is_stay = action.direction.is_none();
@@ -403,7 +473,73 @@ impl Episode {
             self.pose = target;
         }
         self.arrive();
-        StepOutcome { bumped, coverage: self.share() }
+        bumped
+    }
+
+    /// An action as motions; tells whether one was blocked.
+    fn walk(&mut self, action: Action) -> bool {
+        let (from, before) = (self.pose.node, self.step);
+        let to = action.direction.map(|direction| from.step(direction));
+        // By way of its own node, to which the way is free: after a bump the agent stands beside it.
+        let bumped = to.is_some_and(|to| !(self.walk_to(from) && self.walk_to(to)));
+        if let Some(to) = to.filter(|&to| bumped && to != self.pose.node) {
+            self.map.bump(from, to);
+        }
+        let next_turn = |episode: &Self| pilot::turn_to(episode.walker.as_ref()?, action.heading.azimuth());
+        while !bumped
+            && !self.is_over()
+            && let Some(turn) = next_turn(self)
+        {
+            self.perform(Some(turn));
+        }
+        if self.step == before {
+            self.perform(None);
+        }
+        bumped
+    }
+
+    /// Walks to a node until there, or over; `false` if the way is blocked.
+    fn walk_to(&mut self, node: Node) -> bool {
+        let goal = self.world.scene.lattice().position(node);
+        while !self.is_over()
+            && let Some(motion) = self.walker.as_ref().and_then(|walker| pilot::towards(walker, goal))
+        {
+            if !self.perform(Some(motion)) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// One step of the continuous agent, standing for `None`; tells whether it was possible.
+    fn perform(&mut self, motion: Option<Motion>) -> bool {
+        self.step += 1;
+        let Some(mut walker) = self.walker else {
+            self.bumps += 1;
+            self.arrive();
+            return false;
+        };
+        let from = walker.pose().position;
+        let moved = motion.is_none_or(|motion| walker.attempt(motion, self.world.scene.rays()));
+        let pose = walker.pose();
+        self.walker = Some(walker);
+        self.bumps += usize::from(!moved);
+        self.path_length += from.distance(pose.position);
+        self.pose = self.nearest(&walker);
+        self.capture(&pose, 1);
+        self.arrive();
+        moved
+    }
+
+    /// The nearest lattice pose to which the way is free; on the other side of a wall there is none, and the node stays.
+    fn nearest(&self, walker: &Walker) -> LatticePose {
+        let (scene, Pose { position, azimuth }) = (&self.world.scene, walker.pose());
+        let node = scene.lattice().nearest(position);
+        let place = scene.lattice().position(node);
+        let is_there = position.distance(place) <= pilot::arrival_distance(walker.config());
+        let can_go = || !scene.rays().is_near(position, place, walker.config().radius);
+        let node = if node == self.pose.node || is_there || can_go() { node } else { self.pose.node };
+        LatticePose { node, heading: Heading::towards(azimuth.sin(), azimuth.cos()) }
     }
 
     /// Whether all steps are spent.
@@ -413,7 +549,7 @@ impl Episode {
 
     /// What a policy may look at.
     pub fn view(&self) -> MapView<'_> {
-        MapView::new(&self.map, self.world.scene.lattice(), self.pose, self.step, self.horizon)
+        MapView::new(&self.map, self.world.scene.lattice(), self.pose, self.camera(), self.step, self.horizon)
     }
 
     /// The network's input at the current pose.
@@ -434,6 +570,16 @@ impl Episode {
     /// Where the agent is.
     pub fn pose(&self) -> LatticePose {
         self.pose
+    }
+
+    /// Where its camera truly is.
+    pub fn camera(&self) -> Pose {
+        self.walker.as_ref().map_or_else(|| self.world.scene.lattice().pose(self.pose), Walker::pose)
+    }
+
+    /// Where its camera truly was at the start and after each step.
+    pub fn track(&self) -> &[Pose] {
+        &self.track
     }
 
     /// Steps spent.
@@ -466,11 +612,13 @@ impl Episode {
         let frame =
             self.frame.depth.capacity() * size_of::<f32>() + self.frame.colour.capacity() * size_of::<[u8; 3]>();
         let curves = self.curve.capacity() * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
-        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves
+        let track = self.track.capacity() * size_of::<Pose>();
+        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves + track
     }
 
     fn arrive(&mut self) {
         self.map.arrive(self.pose);
+        self.track.push(self.camera());
         let surface = &self.world.surface;
         let covered = match self.world.config.coverage.counting {
             Counting::Exact => self.coverage.covered(),

@@ -26,12 +26,15 @@ pub mod episode;
 pub mod explain;
 pub mod label;
 pub mod metrics;
+pub mod motion;
 pub mod parallel;
+pub mod pilot;
 pub mod ply;
 pub mod visibility;
 
 pub use episode::{Action, Episode, SimConfig, World};
 pub use map::MapView;
+pub use motion::{Agent, Motion, MotionConfig};
 pub use policy::Policy;
 pub use pose::{Direction, Heading, Lattice, LatticePose, Node, Pose};
 pub use predict::{EncoderInput, ObstacleMap, PredictError, Prediction, Predictor, ValueMap};

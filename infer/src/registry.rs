@@ -4,7 +4,7 @@ use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
 use nbp_env::policy::oracle::OracleObstacles;
 use nbp_env::policy::search::{OracleSearch, SearchConfig};
 use nbp_env::policy::{Plan, PolicyError, fbe::Fbe, random::Random};
-use nbp_env::{Action, MapView, Policy, Predictor, Rng, World};
+use nbp_env::{Action, MapView, Motion, Policy, Predictor, Rng, World};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -133,6 +133,10 @@ impl<P: Policy> Policy for Named<P> {
 
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
         self.inner.act(view, rng)
+    }
+
+    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
+        self.inner.motion(view, rng)
     }
 
     fn plan(&self) -> Option<&Plan> {

@@ -1,7 +1,7 @@
 //! One episode of one policy: the loop `look → act → step`, and what is written down of it.
 
 use nbp_env::episode::StartError;
-use nbp_env::policy::PolicyError;
+use nbp_env::policy::{PolicyError, decide};
 use nbp_env::{Episode, LatticePose, Policy, SeedTree, World, metrics};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -124,12 +124,12 @@ pub fn run_episode(
     let seeds = trial.seeds(scene);
     let mut rng = seeds.child(&format!("policy:{}", policy.name()), 0).rng();
     let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds)?;
-    let mut deciding = 0.0;
+    let (mut deciding, mut decisions) = (0.0, 0_usize);
     policy.begin();
     on_step(&episode, policy);
     while !episode.is_over() {
         let clock = Instant::now();
-        let action = policy.act(&episode.view(), &mut rng).map_err(|source| RolloutError::Policy {
+        let decision = decide(policy, &episode, &mut rng).map_err(|source| RolloutError::Policy {
             scene: scene.to_owned(),
             policy: policy.name().to_owned(),
             start: trial.start,
@@ -138,7 +138,8 @@ pub fn run_episode(
             source,
         })?;
         deciding += clock.elapsed().as_secs_f64();
-        episode.step(action);
+        decisions += 1;
+        episode.follow(decision);
         on_step(&episode, policy);
     }
     let record = EpisodeRecord {
@@ -152,7 +153,7 @@ pub fn run_episode(
         auc: metrics::auc(episode.curve()),
         bumps: episode.bumps(),
         path_length: episode.path_length(),
-        decision_ms: 1e3 * deciding / episode.steps().max(1) as f64,
+        decision_ms: 1e3 * deciding / decisions.max(1) as f64,
         poses: episode.view().history().to_vec(),
     };
     Ok(Rollout { record, episode })

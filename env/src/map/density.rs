@@ -2,7 +2,6 @@
 //! appendix B).
 
 use super::grid::WorldGrid;
-use crate::pose::CAMERA_HEIGHT;
 use crate::window::{Window, WindowSize};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -29,9 +28,9 @@ impl Default for Layers {
 }
 
 impl Layers {
-    /// Layer of a height in metres, given the camera plane.
-    pub fn layer(&self, y: f32, camera_plane: f32) -> Option<usize> {
-        let share = (y - (camera_plane - CAMERA_HEIGHT) - self.bottom) / (self.top - self.bottom);
+    /// Layer of a height in metres, given that of the floor.
+    pub fn layer(&self, y: f32, floor: f32) -> Option<usize> {
+        let share = (y - floor - self.bottom) / (self.top - self.bottom);
         (0.0..1.0).contains(&share).then(|| ((share * self.count as f32) as usize).min(self.count - 1))
     }
 }
@@ -41,14 +40,14 @@ impl Layers {
 pub struct DensityGrid {
     size: WindowSize,
     layers: Layers,
-    camera_plane: f32,
+    floor: f32,
     counts: Vec<WorldGrid<u16>>,
 }
 
 impl DensityGrid {
-    /// An empty grid for windows of `size` and a camera that moves in one plane.
-    pub fn new(size: WindowSize, layers: Layers, camera_plane: f32) -> Self {
-        Self { size, layers, camera_plane, counts: vec![WorldGrid::default(); layers.count] }
+    /// An empty grid for windows of `size` and a camera that moves at one height above a floor.
+    pub fn new(size: WindowSize, layers: Layers, floor: f32) -> Self {
+        Self { size, layers, floor, counts: vec![WorldGrid::default(); layers.count] }
     }
 
     /// Window size that the grid is made for.
@@ -73,7 +72,7 @@ impl DensityGrid {
         let (low, high) = (self.size.world_pixel(low), self.size.world_pixel(high));
         self.counts.iter_mut().for_each(|grid| grid.include(low, high));
         for &point in points {
-            if let Some(layer) = self.layers.layer(point.y, self.camera_plane)
+            if let Some(layer) = self.layers.layer(point.y, self.floor)
                 && let Some(count) = self.counts[layer].get_mut(self.size.world_pixel(point))
             {
                 *count = count.saturating_add(1);
@@ -107,7 +106,7 @@ mod tests {
 
     fn crop_of(points: &[Vec3], around: Vec3) -> Vec<u16> {
         let size = WindowSize { pixels: 32, metres: 20.0 };
-        let mut grid = DensityGrid::new(size, Layers::default(), around.y);
+        let mut grid = DensityGrid::new(size, Layers::default(), around.y - 1.65);
         grid.add(points);
         let mut out = vec![0; 4 * 32 * 32];
         grid.crop(&size.around(around), &mut out);

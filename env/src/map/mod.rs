@@ -29,9 +29,9 @@ pub struct AgentMap {
 
 impl AgentMap {
     /// Nothing known yet.
-    pub fn new(size: WindowSize, layers: Layers, camera_plane: f32) -> Self {
+    pub fn new(size: WindowSize, layers: Layers, floor: f32) -> Self {
         Self {
-            density: DensityGrid::new(size, layers, camera_plane),
+            density: DensityGrid::new(size, layers, floor),
             occupancy: OccupancyGrid::default(),
             cloud: Vec::new(),
             colours: Vec::new(),
@@ -90,14 +90,22 @@ pub struct MapView<'a> {
     map: &'a AgentMap,
     lattice: &'a Lattice,
     pose: LatticePose,
+    camera: Pose,
     step: usize,
     horizon: usize,
 }
 
 impl<'a> MapView<'a> {
-    /// The view of an agent at `pose` after `step` of `horizon` steps.
-    pub fn new(map: &'a AgentMap, lattice: &'a Lattice, pose: LatticePose, step: usize, horizon: usize) -> Self {
-        Self { map, lattice, pose, step, horizon }
+    /// The view of an agent at `pose`, which believes its camera at `camera`, after `step` of `horizon` steps.
+    pub fn new(
+        map: &'a AgentMap,
+        lattice: &'a Lattice,
+        pose: LatticePose,
+        camera: Pose,
+        step: usize,
+        horizon: usize,
+    ) -> Self {
+        Self { map, lattice, pose, camera, step, horizon }
     }
 
     /// Every point kept so far, metres.
@@ -150,14 +158,20 @@ impl<'a> MapView<'a> {
         self.lattice
     }
 
-    /// Where the agent is.
+    /// Where the agent is: in the continuous world, the nearest node and heading.
     pub fn pose(&self) -> LatticePose {
         self.pose
     }
 
-    /// Position of the camera, metres.
+    /// Where the agent believes its camera: that of [`MapView::pose`] in the lattice world, and exact in the continuous
+    /// one; with pose noise, off by the error of the last frame.
+    pub fn camera(&self) -> Pose {
+        self.camera
+    }
+
+    /// Position of that camera, metres.
     pub fn position(&self) -> Vec3 {
-        self.lattice.position(self.pose.node)
+        self.camera.position
     }
 
     /// Steps spent.

@@ -6,8 +6,9 @@ pub mod oracle;
 pub mod random;
 pub mod search;
 
-use crate::episode::Action;
+use crate::episode::{Action, Decision, Episode};
 use crate::map::MapView;
+use crate::motion::Motion;
 use crate::pose::{Direction, Heading, LatticePose, Node};
 use crate::predict::{EncoderInput, PredictError, Prediction};
 use crate::seed::Rng;
@@ -47,10 +48,27 @@ pub trait Policy: Send {
     /// When a network fails.
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError>;
 
+    /// The next motion, for policies that act in motions themselves; asked first in the continuous world. `None` leaves it
+    /// to [`Policy::act`], whose actions a pilot carries out.
+    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
+        let _ = (view, rng);
+        None
+    }
+
     /// The plan being followed, if the policy plans.
     fn plan(&self) -> Option<&Plan> {
         None
     }
+}
+
+/// What a policy wants in an episode: a motion where the agent has them and the policy acts in them, else an action.
+///
+/// # Errors
+/// As [`Policy::act`].
+pub fn decide(policy: &mut dyn Policy, episode: &Episode, rng: &mut Rng) -> Result<Decision, PolicyError> {
+    let view = episode.view();
+    let motion = if episode.is_continuous() { policy.motion(&view, rng) } else { None };
+    motion.map_or_else(|| policy.act(&view, rng).map(Decision::Action), |motion| Ok(Decision::Motion(motion)))
 }
 
 /// Price of a move across a wall that was seen: walls nearly along the way look the same on a grid, so such a move is a
@@ -90,7 +108,7 @@ fn turn_on_the_spot(view: &MapView<'_>, rng: &mut Rng) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{Episode, World};
+    use crate::episode::World;
     use crate::seed::SeedTree;
     use std::sync::Arc;
 

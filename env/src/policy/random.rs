@@ -1,8 +1,9 @@
-//! `random`: a uniformly drawn neighbour and heading (paper, section 5.2).
+//! `random`: a uniformly drawn neighbour and heading (paper, section 5.2), or a uniformly drawn motion.
 
 use super::{Policy, PolicyError, turn_on_the_spot};
 use crate::episode::Action;
 use crate::map::MapView;
+use crate::motion::Motion;
 use crate::pose::{Direction, Heading};
 use crate::seed::Rng;
 use rand::RngExt as _;
@@ -28,5 +29,9 @@ impl Policy for Random {
             Some(&direction) => Action { direction: Some(direction), heading },
             None => turn_on_the_spot(view, rng),
         })
+    }
+
+    fn motion(&mut self, _: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
+        Motion::ALL.choose(rng).copied()
     }
 }

@@ -24,20 +24,27 @@ impl LatticeGraph {
         Self::inside(Interior::Closed, lattice, rays)
     }
 
+    /// The graph of an agent that is a point.
+    pub fn inside(interior: Interior, lattice: Lattice, rays: &RayIndex) -> Self {
+        Self::with_clearance(interior, lattice, rays, 0.0)
+    }
+
     /// Tests every node and move of the lattice against the mesh.
     ///
     /// A node is free when it lies inside. A move is possible between free nodes when its segment hits nothing (paper,
-    /// section 5.1; the agent is a point).
-    pub fn inside(interior: Interior, lattice: Lattice, rays: &RayIndex) -> Self {
+    /// section 5.1) and no surface is nearer to it than `clearance` metres.
+    pub fn with_clearance(interior: Interior, lattice: Lattice, rays: &RayIndex, clearance: f32) -> Self {
         let nodes: Vec<Node> = (0..lattice.len()).map(|index| lattice.node(index)).collect();
-        let free: Vec<bool> = nodes.iter().map(|&node| interior.contains(rays, lattice.position(node))).collect();
+        let is_clear = |at| clearance <= 0.0 || !rays.is_near(at, at, clearance);
+        let is_free = |at| interior.contains(rays, at) && is_clear(at);
+        let free: Vec<bool> = nodes.iter().map(|&node| is_free(lattice.position(node))).collect();
         let is_free = |node| lattice.index(node).is_some_and(|index| free[index]);
         let mut moves = vec![0_u8; nodes.len()];
         for (index, &node) in nodes.iter().enumerate().filter(|&(index, _)| free[index]) {
             // Half of the directions is enough: moves are symmetric, and testing once keeps them exactly so.
             for (bit, direction) in Direction::ALL.into_iter().enumerate().take(2) {
                 let next = node.step(direction);
-                if is_free(next) && !rays.segment_is_blocked(lattice.position(node), lattice.position(next)) {
+                if is_free(next) && !rays.is_near(lattice.position(node), lattice.position(next), clearance) {
                     moves[index] |= 1 << bit;
                     if let Some(back) = lattice.index(next) {
                         moves[back] |= 1 << (bit + 2);

@@ -1,6 +1,7 @@
 //! A scene: an immutable checked mesh, what is derived from it once, and where the agent may stand.
 
 pub mod appearance;
+pub mod clearance;
 pub mod graph;
 pub mod image;
 pub mod interior;
@@ -59,10 +60,22 @@ pub enum SceneError {
         /// Largest coordinate, metres.
         distance: f32,
     },
+    /// Too many positions.
+    #[error(
+        "scene {scene}: a lattice every {spacing} m has {nodes} nodes, and {MAX_NODES} are the most: take a larger step"
+    )]
+    Nodes {
+        /// Scene name.
+        scene: String,
+        /// Distance of neighbours, metres.
+        spacing: f32,
+        /// Their number.
+        nodes: i64,
+    },
     /// Nowhere to stand.
     #[error(
-        "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane (camera.x_min[1] + 1.65 m) \
-         must cut the interior"
+        "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane must cut the interior; it \
+         lies above the floor, which camera.x_min[1] in settings.json names"
     )]
     NoFreePose {
         /// Scene name.
@@ -91,6 +104,7 @@ pub struct Scene {
     mesh: Mesh,
     bounds: [Vec3; 2],
     lattice: Lattice,
+    camera_height: f32,
     starts: Vec<LatticePose>,
     notes: Vec<String>,
     rays: RayIndex,
@@ -131,6 +145,7 @@ impl Scene {
             name,
             mesh,
             lattice,
+            camera_height: CAMERA_HEIGHT,
             starts,
             notes,
             rays,
@@ -149,6 +164,46 @@ impl Scene {
         Self { name: name.into(), ..self }
     }
 
+    /// The same scene for a robot whose camera is elsewhere: lattice, graph, walls and starts for a camera `height` metres
+    /// above the floor, nodes every `spacing` metres, and moves that keep `clearance` metres from every surface.
+    ///
+    /// The new lattice fills the area of the old one and has a node where the old one has its first; starts move to the
+    /// nearest node from which a move is possible.
+    ///
+    /// # Errors
+    /// When there would be too many nodes, or none is free.
+    pub fn for_robot(mut self, height: f32, spacing: f32, clearance: f32) -> Result<Self, SceneError> {
+        let old = self.lattice;
+        // Nodes that fit before the first and after it, half an old step beyond the outermost included.
+        let before = (0.5 * old.spacing / spacing).floor();
+        let after = |count: i32| ((count as f32 - 0.5) * old.spacing / spacing).floor();
+        let size = old.size.map(|count| (before + 1.0 + after(count)) as i32);
+        let nodes = i64::from(size[0]) * i64::from(size[1]);
+        if nodes > MAX_NODES {
+            return Err(SceneError::Nodes { scene: self.name, spacing, nodes });
+        }
+        let shift = Vec3::new(before * spacing, 0.0, before * spacing);
+        let origin = (old.origin - shift).with_y(self.floor() + height);
+        self.lattice = Lattice { origin, spacing, size };
+        self.camera_height = height;
+        self.graph = LatticeGraph::with_clearance(self.graph.interior(), self.lattice, &self.rays, clearance);
+        self.walls = slice_at(&self.mesh, origin.y);
+        if self.graph.largest_component().len() < 2 {
+            return Err(SceneError::NoFreePose { scene: self.name, height: origin.y, nodes: self.lattice.len() });
+        }
+        let mut starts = Vec::with_capacity(self.starts.len());
+        for start in &self.starts {
+            let place = old.position(start.node);
+            let distance = |&node: &Node| self.lattice.position(node).with_y(place.y).distance_squared(place);
+            let open = (0..self.lattice.len()).map(|index| self.lattice.node(index));
+            let open = open.filter(|&node| self.graph.neighbours(node).next().is_some());
+            let nearest = open.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            starts.extend(nearest.map(|node| LatticePose { node, heading: start.heading }));
+        }
+        self.starts = starts;
+        Ok(self)
+    }
+
     /// The triangles.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
@@ -162,6 +217,16 @@ impl Scene {
     /// Camera positions.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
+    }
+
+    /// Height of the camera above the floor, metres.
+    pub fn camera_height(&self) -> f32 {
+        self.camera_height
+    }
+
+    /// Height of the floor that the camera plane is measured from, metres.
+    pub fn floor(&self) -> f32 {
+        self.lattice.origin.y - self.camera_height
     }
 
     /// What a user should hear about how the scene was read, one sentence each; most scenes have nothing to say.

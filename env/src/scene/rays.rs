@@ -93,6 +93,18 @@ impl RayIndex {
         })
     }
 
+    /// Whether a triangle whose padded box meets the box from `low` to `high` passes a test.
+    pub(super) fn any_in_box(&self, low: Vec3, high: Vec3, mut test: impl FnMut(&[Vec3; 3]) -> bool) -> bool {
+        let mut found = false;
+        self.bvh.aabb_traverse(Aabb::new(low.into(), high.into()), |bvh, node| {
+            let node = &bvh.nodes[node as usize];
+            let leaves = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+            found = self.corners[leaves].iter().any(&mut test);
+            !found
+        });
+        found
+    }
+
     /// Distances, ascending and in lengths of the direction, of all surfaces on `origin + t · direction`, `t ≥ 0`.
     ///
     /// Triangles met at the same distance (within 10 µm or 10⁻⁵ of it) count once, so a ray through a shared edge
