@@ -183,7 +183,8 @@ mod tests {
                 assert!(!rays.segment_is_blocked(from, to) && !rays.is_near(to, to, radius));
                 assert!((0.0..=12.0).contains(&to.x) && (0.0..=9.0).contains(&to.z), "{to}");
                 let in_pillar = (8.5..=9.1).contains(&to.x) && (6.0..=6.6).contains(&to.z);
-                assert!(!in_pillar && !((5.9..=6.1).contains(&to.x) && !(3.0..=5.0).contains(&to.z)), "{to}");
+                let in_partition = (5.9..=6.1).contains(&to.x) && !(3.0..=5.0).contains(&to.z);
+                assert!(!in_pillar && !in_partition, "{to}");
                 if !happened {
                     blocked += 1;
                     assert_eq!(walker, before);
