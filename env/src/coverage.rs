@@ -2,6 +2,7 @@
 //!
 //! A point is covered once a kept point of the cloud lies closer than ε (paper, equation 2). The answer is exact.
 
+use crate::map::grid::cell_of;
 use crate::scene::{Scene, surface};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -140,10 +141,9 @@ impl Surface {
     }
 
     fn cell_of(&self, point: Vec3) -> Option<usize> {
-        let local = (point - self.low) / self.cell;
-        let inside = local.cmpge(Vec3::ZERO).all();
-        let [x, y, z] = local.to_array().map(|v| v as usize);
-        (inside && x < self.shape[0] && y < self.shape[1] && z < self.shape[2])
+        // Cells below zero wrap around to more than there are.
+        let [x, y, z] = ((point - self.low) / self.cell).to_array().map(|v| cell_of(v) as usize);
+        (x < self.shape[0] && y < self.shape[1] && z < self.shape[2])
             .then(|| (x * self.shape[1] + y) * self.shape[2] + z)
     }
 }

@@ -1,7 +1,7 @@
 //! Points per pixel and horizontal layer on the world's pixel grid: the reconstruction as the network sees it (paper,
 //! appendix B).
 
-use super::grid::WorldGrid;
+use super::grid::{WorldGrid, cell_of};
 use crate::window::{Window, WindowSize};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ impl Layers {
     /// Layer of a height in metres, given that of the floor.
     pub fn layer(&self, y: f32, floor: f32) -> Option<usize> {
         let share = (y - floor - self.bottom) / (self.top - self.bottom);
-        (0.0..1.0).contains(&share).then(|| ((share * self.count as f32) as usize).min(self.count - 1))
+        (0.0..1.0).contains(&share).then(|| (cell_of(share * self.count as f32) as usize).min(self.count - 1))
     }
 }
 

@@ -89,16 +89,24 @@ impl<T: Copy + Default> WorldGrid<T> {
     }
 
     fn index(&self, [x, z]: [i32; 2]) -> Option<usize> {
-        let column = usize::try_from(x.checked_sub(self.low[0])?).ok()?;
-        let row = usize::try_from(z.checked_sub(self.low[1])?).ok()?;
+        // What lies below wraps around to more than any grid has.
+        let [column, row] = [x.wrapping_sub(self.low[0]) as u32 as usize, z.wrapping_sub(self.low[1]) as u32 as usize];
         (column < self.shape[0] && row < self.shape[1]).then(|| (row + 1) * self.shape[0] - 1 - column)
     }
 }
 
 /// The cell of a coordinate: `floor`, without a call into the C library.
+#[inline]
 pub fn cell_of(coordinate: f32) -> i32 {
-    let towards_zero = coordinate as i32;
-    towards_zero.saturating_sub(i32::from(towards_zero as f32 > coordinate))
+    // Adding this number leaves no bits for a fraction: what it moved by is the nearest whole number.
+    const SHIFT: f32 = 1.5 * (1 << 23) as f32;
+    if coordinate.abs() < (1 << 22) as f32 {
+        let shifted = coordinate + SHIFT;
+        let nearest = shifted.to_bits().wrapping_sub(SHIFT.to_bits()) as i32;
+        nearest - i32::from(shifted - SHIFT > coordinate)
+    } else {
+        coordinate.floor() as i32
+    }
 }
 
 /// Cells of side `side` metres that a segment crosses in the `(x, z)` plane, from its first end to its last, each once.
@@ -182,6 +190,14 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn cells_are_floors(bits: u32) {
+            let coordinate = f32::from_bits(bits);
+            for v in [coordinate, coordinate.fract() * 1e6, (bits as i32 / 3) as f32 / 256.0, (bits % 999) as f32 - 500.0] {
+                prop_assert_eq!(cell_of(v), v.floor() as i32, "{}", v);
+            }
+        }
+
         #[test]
         fn segments_cross_connected_cells_from_end_to_end(
             ax in -5.0_f32..5.0, az in -5.0_f32..5.0, bx in -5.0_f32..5.0, bz in -5.0_f32..5.0,
