@@ -149,7 +149,7 @@ fn a_camera_at_another_height_maps_the_same_floor() {
     (0..36).for_each(|_| assert!(!episode.move_by(Motion::Left).bumped));
     let input = episode.encode();
     for layer in 0..4 {
-        let in_layer = |point: &&glam::Vec3| (point.y + 0.5).floor() as i32 == layer;
+        let in_layer = |point: &glam::Vec3| (point.y + 0.5).floor() as i32 == layer;
         let counted: usize = input.channel(layer as usize).iter().map(|&n| usize::from(n)).sum();
         assert_eq!(counted, episode.view().cloud().iter().filter(in_layer).count(), "{layer}");
     }

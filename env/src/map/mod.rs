@@ -1,9 +1,11 @@
 //! What the agent knows: the reconstruction, the carved plane, where it has been and where it was stopped.
 
+pub mod cloud;
 pub mod density;
 pub mod grid;
 pub mod occupancy;
 
+pub use cloud::Cloud;
 pub use density::{DensityGrid, Layers};
 pub use occupancy::{Cell, OccupancyGrid};
 
@@ -18,7 +20,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct AgentMap {
     density: DensityGrid,
     occupancy: OccupancyGrid,
-    cloud: Vec<Vec3>,
+    cloud: Cloud,
     /// One for each point, or none.
     colours: Vec<[u8; 3]>,
     history: Vec<LatticePose>,
@@ -33,7 +35,7 @@ impl AgentMap {
         Self {
             density: DensityGrid::new(size, layers, floor),
             occupancy: OccupancyGrid::default(),
-            cloud: Vec::new(),
+            cloud: Cloud::default(),
             colours: Vec::new(),
             history: Vec::new(),
             visits: BTreeMap::new(),
@@ -42,16 +44,17 @@ impl AgentMap {
         }
     }
 
-    /// Takes in one frame and the points kept of it, with their colours if the sensor has any.
-    pub fn integrate(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, points: &[Vec3], colours: &[[u8; 3]]) {
-        self.density.add(points);
+    /// Takes in one frame and what is kept of it.
+    pub fn integrate(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, kept: &Kept) {
+        self.density.add(&kept.points);
         self.occupancy.carve(camera, pose, frame);
-        self.cloud.extend_from_slice(points);
-        self.colours.extend_from_slice(colours);
+        self.cloud.add(camera.at(pose), frame, &kept.pixels);
+        let colours = kept.pixels.iter().filter_map(|&pixel| frame.colour.get(pixel as usize));
+        self.colours.extend(colours);
     }
 
-    /// Every point kept so far, metres.
-    pub fn cloud(&self) -> &[Vec3] {
+    /// Every point kept so far.
+    pub fn cloud(&self) -> &Cloud {
         &self.cloud
     }
 
@@ -59,7 +62,7 @@ impl AgentMap {
     pub fn bytes(&self) -> usize {
         self.density.bytes()
             + self.occupancy.bytes()
-            + self.cloud.capacity() * size_of::<Vec3>()
+            + self.cloud.bytes()
             + self.colours.capacity() * size_of::<[u8; 3]>()
             + self.history.capacity() * size_of::<LatticePose>()
     }
@@ -77,6 +80,15 @@ impl AgentMap {
     pub fn bump(&mut self, from: Node, to: Node) {
         *self.blocked.entry(edge(from, to)).or_default() += 1;
     }
+}
+
+/// What is kept of one frame.
+#[derive(Debug, Default)]
+pub struct Kept {
+    /// Places of the pixels in the frame, ascending.
+    pub pixels: Vec<u32>,
+    /// The points that they show, metres.
+    pub points: Vec<Vec3>,
 }
 
 /// An edge without direction.
@@ -108,8 +120,8 @@ impl<'a> MapView<'a> {
         Self { map, lattice, pose, camera, step, horizon }
     }
 
-    /// Every point kept so far, metres.
-    pub fn cloud(&self) -> &'a [Vec3] {
+    /// Every point kept so far.
+    pub fn cloud(&self) -> &'a Cloud {
         &self.map.cloud
     }
 

@@ -73,7 +73,8 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     failure?;
 
     let title = format!("{}  ·  {}", record.scene, record.policy);
-    out.write("cloud.ply", export::cloud_ply(episode.view().cloud(), episode.view().cloud_colours()))?;
+    let points: Vec<_> = episode.view().cloud().iter().collect();
+    out.write("cloud.ply", export::cloud_ply(&points, episode.view().cloud_colours()))?;
     out.write("trajectory.json", export::trajectory_json(&record, &lattice)?)?;
     out.write("coverage.csv", export::coverage_csv(&record.curve))?;
     out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;

@@ -95,7 +95,7 @@ fn draw_points(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
     let side = (SQUARE * plan.scale).ceil().max(1.0) as usize;
     let columns = image.width.div_ceil(side);
     let mut counts = vec![0_u32; columns * image.height.div_ceil(side)];
-    for &point in view.cloud() {
+    for point in view.cloud().iter() {
         let pixel = plan.pixel(flat(point));
         let is_inside = pixel.cmpge(plan.corner).all() && pixel.cmplt(plan.corner + plan.size()).all();
         if is_inside {
