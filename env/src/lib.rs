@@ -31,6 +31,7 @@ pub mod parallel;
 pub mod pilot;
 pub mod ply;
 pub mod visibility;
+pub mod visible;
 
 pub use episode::{Action, Episode, SimConfig, World};
 pub use map::MapView;

@@ -8,6 +8,7 @@ use crate::coverage::Coverage;
 use crate::episode::World;
 use crate::pose::{HEADINGS, Lattice, LatticePose};
 use crate::sensor::{Frame, Sensor as _};
+use crate::visible::visible_points;
 use glam::Vec3;
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -75,11 +76,26 @@ impl<'a> Visibility<'a> {
 
     /// The points that an episode in this world has covered.
     pub fn covered_by(&self, coverage: &Coverage) -> PointSet {
+        let points = 0..self.cache.rank.len();
+        self.set_of(points.filter(|&point| coverage.first_step(point).is_some()))
+    }
+
+    /// All points that can be seen, see [`visible_points`]. Takes as long as looking from every pose, and is not kept.
+    pub fn visible(&self) -> PointSet {
+        let points = visible_points(self.world.scene(), self.world.surface(), *self.world.sensor().camera());
+        self.set_of(points.into_iter().map(|point| point as usize))
+    }
+
+    /// The points of a set by their number in [`World::surface`], ascending.
+    pub fn points(&self, set: &PointSet) -> Vec<u32> {
+        let is_in = |&(_, &rank): &(u32, &u32)| set.words[rank as usize / 64] >> (rank % 64) & 1 == 1;
+        (0..).zip(&self.cache.rank).filter(is_in).map(|(point, _)| point).collect()
+    }
+
+    fn set_of(&self, points: impl Iterator<Item = usize>) -> PointSet {
         let mut set = self.nothing();
-        for (point, &rank) in self.cache.rank.iter().enumerate() {
-            if coverage.first_step(point).is_some() {
-                set.words[rank as usize / 64] |= 1 << (rank % 64);
-            }
+        for rank in points.map(|point| self.cache.rank[point]) {
+            set.words[rank as usize / 64] |= 1 << (rank % 64);
         }
         set
     }

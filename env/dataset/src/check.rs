@@ -6,11 +6,11 @@
 use crate::closed::Escape;
 use crate::split::{Part, part_of};
 use crate::stats::{connected_area, floor_area};
-use crate::visible::visible_share;
 use nbp_env::scene::load::{LoadError, find_scenes};
 use nbp_env::scene::settings::LATTICE_STEP;
 use nbp_env::scene::{Appearance, Interior, LoadOptions, Mesh, Settings};
-use nbp_env::{Node, Scene};
+use nbp_env::visible::visible_share;
+use nbp_env::{Node, Scene, SimConfig};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -325,7 +325,7 @@ impl SceneFindings {
         if !quick {
             let kind =
                 "much of the surface cannot be seen from any position: coverage stays low whatever a policy does";
-            self.low(visible_share(scene), VISIBLE, kind, "of the surface can be seen");
+            self.low(visible_share(scene, &SimConfig::default()), VISIBLE, kind, "of the surface can be seen");
         }
     }
 }

@@ -23,7 +23,6 @@ pub mod picture;
 pub mod preview;
 pub mod split;
 pub mod stats;
-pub mod visible;
 
 mod atlas;
 pub mod write;

@@ -45,7 +45,7 @@ pub struct SceneStats {
     pub triangles: usize,
     /// Share of rays from inside that meet no surface: 0 for a closed mesh.
     pub escaping_ray_share: f64,
-    /// Share of the surface that can be seen from reachable poses, see [`visible_share`](crate::visible::visible_share);
+    /// Share of the surface that can be seen from reachable poses, see [`visible_share`](nbp_env::visible::visible_share);
     /// `None` where it was not measured.
     pub visible_share: Option<f64>,
     /// Floor area over the area of the bounding box.

@@ -4,8 +4,8 @@ use super::{Column, bar, print_table, say, say_part, scenes_in};
 use anyhow::{Context as _, Result};
 use nbp_dataset::picture::Picture;
 use nbp_dataset::stats::{SceneStats, measure, spread};
-use nbp_dataset::visible::visible_share;
-use nbp_env::Scene;
+use nbp_env::visible::visible_share;
+use nbp_env::{Scene, SimConfig};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             let png = Picture::of(&scene, PIXEL).with_positions(&scene).image.png()?;
             std::fs::write(&file, png).with_context(|| format!("cannot write {}", file.display()))?;
         }
-        let visible = if args.quick { None } else { Some(visible_share(&scene)) };
+        let visible = if args.quick { None } else { Some(visible_share(&scene, &SimConfig::default())) };
         let stats = SceneStats { visible_share: visible, ..measure(&scene) };
         bar.inc(1);
         Ok(stats)
