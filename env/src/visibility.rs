@@ -141,9 +141,7 @@ impl<'a> Visibility<'a> {
         SCRATCH.with_borrow_mut(|(frame, points)| {
             world.sensor().capture(world.scene(), &pose, frame);
             points.clear();
-            let eye = world.sensor().camera().at(&pose);
-            let pixels = frame.depth.iter().enumerate().filter(|&(_, &depth)| depth > 0.0);
-            points.extend(pixels.map(|(n, &depth)| eye.unproject(n % frame.width, n / frame.width, depth)));
+            points.extend(frame.points(world.sensor().camera().at(&pose)));
             self.sparse(&world.surface().covered_by(points))
         })
     }

@@ -20,9 +20,7 @@ pub fn visible_points(scene: &Scene, surface: &Surface, camera: Camera) -> Vec<u
             let pose = scene.lattice().pose(LatticePose { node, heading });
             DepthCamera(camera).capture(scene, &pose, &mut frame);
             points.clear();
-            let pixels = frame.depth.iter().enumerate().filter(|&(_, &depth)| depth > 0.0);
-            let posed = camera.at(&pose);
-            points.extend(pixels.map(|(n, &depth)| posed.unproject(n % frame.width, n / frame.width, depth)));
+            points.extend(frame.points(camera.at(&pose)));
             coverage.add(surface, &points, 0);
         }
         (coverage, frame, points)

@@ -3,14 +3,13 @@
 //! Faults make scenes useless or figures wrong; warnings should be known. Published scenes are held to the same, but that
 //! their meshes are open.
 
-use crate::closed::Escape;
 use crate::split::{Part, part_of};
 use crate::stats::{connected_area, floor_area};
+use nbp_env::check::{Fault, check_geometry, check_scene};
 use nbp_env::scene::load::{LoadError, find_scenes};
 use nbp_env::scene::settings::LATTICE_STEP;
 use nbp_env::scene::{Appearance, Interior, LoadOptions, Mesh, Settings};
-use nbp_env::visible::visible_share;
-use nbp_env::{Node, Scene, SimConfig};
+use nbp_env::{Node, Scene};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
@@ -24,8 +23,14 @@ const STARTS: usize = 5;
 /// Share of the floor that should be connected in the camera plane, and below which a scene is no use.
 const ACCESSIBLE: [f64; 2] = [0.9, 0.5];
 
-/// The same of the surface that can be seen.
-const VISIBLE: [f64; 2] = [0.75, 0.5];
+/// Share of the surface that can be seen below which a scene is no use.
+const VISIBLE: f64 = 0.5;
+
+/// Most cells of the released surface grid along an axis, and points in one of them: our largest scene has 200 and 2,000.
+const MAX_GRID: [u32; 2] = [1000, 1_000_000];
+
+/// Most elevations of the released pose grid: one for each two degrees.
+const MAX_THETA: i32 = 90;
 
 /// The keys that the released loader reads.
 const KEYS: [(&str, &[&str]); 2] = [
@@ -178,9 +183,6 @@ impl SceneFindings {
             }
         };
         found.mesh = Some(hash(scene.mesh()));
-        for note in scene.notes() {
-            found.warn("something is missing or left out", note);
-        }
         let is_plain = |looks: &Appearance| looks.images.is_empty() && looks.paints.windows(2).all(|p| p[0] == p[1]);
         if scene.mesh().appearance().is_none_or(is_plain) {
             found
@@ -189,7 +191,10 @@ impl SceneFindings {
         found.check_starts(&scene, raw.as_ref());
         // Files that name their unit were written by this toolkit, which closes all meshes but scans.
         let names_unit = raw.is_some_and(|raw| raw["scene"].get("metres_per_unit").is_some());
-        found.check_geometry(&scene, names_unit && scene.graph().interior() == Interior::Closed, quick);
+        let is_closed = names_unit && scene.graph().interior() == Interior::Closed;
+        let faults = if quick { check_geometry(&scene) } else { check_scene(&scene) };
+        faults.iter().for_each(|fault| found.take(fault, is_closed));
+        found.check_reach(&scene);
         found
     }
 
@@ -203,14 +208,6 @@ impl SceneFindings {
 
     fn warn(&mut self, kind: &'static str, detail: impl ToString) {
         self.tell(Severity::Warning, kind, detail);
-    }
-
-    /// By share: a fault below the second of two bounds, a warning below the first.
-    fn low(&mut self, share: f64, [warn, fault]: [f64; 2], kind: &'static str, what: &str) {
-        if share < warn {
-            let severity = if share < fault { Severity::Fault } else { Severity::Warning };
-            self.tell(severity, kind, format!("{:.0} % {what}; from {:.0} % on is usual", 100.0 * share, 100.0 * warn));
-        }
     }
 
     /// The published layout: one OBJ file called like the folder.
@@ -279,22 +276,36 @@ impl SceneFindings {
                 camera.pose_n_theta,
             );
         }
+        let [grid, capacity] = MAX_GRID.map(|most| 1..=i64::from(most));
+        let factor = camera.contrast_factor;
+        let numbers = [
+            ("scene.grid_l", i64::from(scene.grid_l), &grid),
+            ("scene.grid_w", i64::from(scene.grid_w), &grid),
+            ("scene.grid_h", i64::from(scene.grid_h), &grid),
+            ("scene.cell_capacity", i64::from(scene.cell_capacity), &capacity),
+            ("camera.pose_w", i64::from(camera.pose_w), &grid),
+            ("camera.pose_n_theta", i64::from(camera.pose_n_theta), &(1..=i64::from(MAX_THETA))),
+        ];
+        let kind = "a number in settings.json is absurd: the released loader would fail or fill the memory";
+        for (name, value, usual) in numbers.into_iter().filter(|(_, value, usual)| !usual.contains(value)) {
+            self.fault(kind, format!("{name} is {value}: from {} to {}", usual.start(), usual.end()));
+        }
+        if !(factor.is_finite() && factor > 0.0) {
+            self.fault(kind, format!("camera.contrast_factor is {factor}: a positive number, usually 1"));
+        }
+        if let Some(resolution) = scene.cell_resolution.filter(|r| !(r.is_finite() && *r > 0.0)) {
+            self.fault(kind, format!("scene.cell_resolution is {resolution}: null or a positive number"));
+        }
     }
 
     fn check_starts(&mut self, scene: &Scene, raw: Option<&Value>) {
         let starts: Option<Vec<[i32; 5]>> =
             raw.and_then(|raw| serde_json::from_value(raw["camera"]["start_positions"].clone()).ok());
         let mut starts = starts.unwrap_or_default();
-        let inside = |start: &[i32; 5], nodes: &dyn Fn(Node) -> bool| nodes(Node { i: start[0], k: start[2] });
-        let blocked = starts.iter().filter(|s| !inside(s, &|node| scene.graph().is_free(node))).count();
+        let is_blocked = |start: &&[i32; 5]| !scene.graph().is_free(Node { i: start[0], k: start[2] });
+        let blocked = starts.iter().filter(is_blocked).count();
         if blocked > 0 {
             self.fault("start positions are in a wall or outside", format!("{blocked} of {}", starts.len()));
-        }
-        let largest = scene.graph().largest_component();
-        let cut_off = starts.iter().filter(|s| !inside(s, &|node| largest.binary_search(&node).is_ok())).count();
-        if cut_off > blocked {
-            let detail = format!("{} of {}", cut_off - blocked, starts.len());
-            self.fault("start positions are cut off from the largest part", detail);
         }
         let looking_up = starts.iter().filter(|start| start[3] != 2).count();
         if looking_up > 0 {
@@ -309,23 +320,39 @@ impl SceneFindings {
         }
     }
 
-    fn check_geometry(&mut self, scene: &Scene, is_closed: bool, quick: bool) {
-        let escape = Escape::of(scene);
-        if let Some([origin, direction]) = escape.first {
-            let severity = if is_closed { Severity::Fault } else { Severity::Warning };
-            let detail = format!(
-                "{} of {} rays from inside escape, the first from {origin:.2} m towards {direction:.2}",
-                escape.escaped, escape.rays
-            );
-            self.tell(severity, "the mesh is open: what looks through a hole sees nothing", detail);
-        }
-        let accessible = connected_area(scene) / floor_area(scene).max(f64::MIN_POSITIVE);
-        let kind = "much of the floor is out of reach: doors are closed, or it lies above or below the camera plane";
-        self.low(accessible, ACCESSIBLE, kind, "of the floor is connected in the camera plane");
-        if !quick {
+    /// What the simulator finds wrong with a scene. Meshes `is_closed` by the toolkit that wrote them must be.
+    fn take(&mut self, fault: &Fault, is_closed: bool) {
+        let fault_if = |is_fault| if is_fault { Severity::Fault } else { Severity::Warning };
+        let (severity, kind) = match fault {
+            Fault::Escapes { .. } => (fault_if(is_closed), "the mesh is open: what looks through a hole sees nothing"),
+            Fault::Hidden { share } => (
+                fault_if(*share < VISIBLE),
+                "much of the surface cannot be seen from any position: coverage stays low whatever a policy does",
+            ),
+            Fault::StartsCutOff { .. } => (Severity::Fault, "start positions are cut off from the largest part"),
+            Fault::Scattered { .. } => (Severity::Warning, "many positions are cut off from the largest part"),
+            Fault::Scale { .. } => (Severity::Warning, "rooms have an unusual height: the unit may be wrong"),
+            Fault::OutsideBox { .. } | Fault::OtherLattice { .. } => {
+                (Severity::Warning, "settings.json does not fit the mesh: it may belong to another one")
+            }
+            _ => (Severity::Warning, "something is missing or left out"),
+        };
+        self.tell(severity, kind, fault);
+    }
+
+    /// By share of the floor: a fault below the second of two bounds, a warning below the first.
+    fn check_reach(&mut self, scene: &Scene) {
+        let (share, [warn, fault]) = (connected_area(scene) / floor_area(scene).max(f64::MIN_POSITIVE), ACCESSIBLE);
+        if share < warn {
+            let severity = if share < fault { Severity::Fault } else { Severity::Warning };
             let kind =
-                "much of the surface cannot be seen from any position: coverage stays low whatever a policy does";
-            self.low(visible_share(scene, &SimConfig::default()), VISIBLE, kind, "of the surface can be seen");
+                "much of the floor is out of reach: doors are closed, or it lies above or below the camera plane";
+            let detail = format!(
+                "{:.0} % of the floor is connected in the camera plane; from {:.0} % on is usual",
+                100.0 * share,
+                100.0 * warn
+            );
+            self.tell(severity, kind, detail);
         }
     }
 }
@@ -380,6 +407,16 @@ mod tests {
         has("fewer than five");
         damage(&|v| v["scene"]["x_min"][0] = 1e6.into());
         has("contradicts itself");
+        for (part, key, value) in [
+            ("scene", "grid_l", 4_000_000_000_i64),
+            ("scene", "cell_capacity", 0),
+            ("camera", "pose_n_theta", -1),
+            ("camera", "pose_n_theta", 1_000_000),
+            ("camera", "contrast_factor", 0),
+        ] {
+            damage(&|v| v[part][key] = value.into());
+            has("absurd");
+        }
         fs::remove_file(folder.join("settings.json")).unwrap();
         has("no settings.json");
         fs::write(folder.join("settings.json"), &settings).unwrap();

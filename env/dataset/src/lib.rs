@@ -16,7 +16,6 @@ pub mod generate;
 pub mod import;
 
 pub mod check;
-pub mod closed;
 pub mod draw;
 pub mod navigation;
 pub mod picture;

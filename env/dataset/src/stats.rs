@@ -2,9 +2,9 @@
 //!
 //! Works on any scene that loads, published ones included. Lengths are metres, areas square metres of plan.
 
-use crate::closed::Escape;
 use crate::navigation::Navigation;
 use glam::{Vec2, Vec3};
+use nbp_env::check::Escape;
 use nbp_env::pose::{CAMERA_HEIGHT, Lattice};
 use nbp_env::scene::{Interior, LatticeGraph};
 use nbp_env::{Node, Scene, SeedTree};

@@ -5,10 +5,10 @@
 
 mod prototype;
 
-use nbp_dataset::closed::Escape;
 use nbp_dataset::doom_map::Name;
 use nbp_dataset::wad::{Textures, Wad};
 use nbp_dataset::{ConvertOptions, DoomMap, Level, SceneBundle, convert, generate, to_scene};
+use nbp_env::check::Escape;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

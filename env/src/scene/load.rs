@@ -1,6 +1,6 @@
 //! Scenes from disk: a folder of the AiMDoom layout, or an OBJ file.
 
-use super::settings::Settings;
+use super::settings::{Settings, UNITS, WANT_UNIT};
 use super::{Mesh, Obj, ObjError, Scene, SceneError};
 use crate::pose::CAMERA_HEIGHT;
 use glam::Vec2;
@@ -78,7 +78,12 @@ impl Scene {
             }
         };
         let notes = std::mem::take(&mut obj.notes);
-        let mesh = obj.into_mesh(&file, settings.as_ref().map_or(1.0, |s| s.scene.metres_per_unit))?;
+        let scale = settings.as_ref().map_or(1.0, |s| s.scene.metres_per_unit);
+        if !UNITS.contains(&scale) {
+            let reason = format!("scene.metres_per_unit is {scale:e}: {WANT_UNIT}");
+            return Err(LoadError::Settings { path: beside.unwrap_or(file), reason });
+        }
+        let mesh = obj.into_mesh(&file, scale)?;
         let settings = settings.unwrap_or_else(|| infer_settings(&mesh));
         let scene = Self::new(scene_name(path, &file), mesh, &settings);
         let mut scene = scene.map_err(|source| LoadError::Scene { path: file, source })?;

@@ -29,7 +29,7 @@ use crate::pose::{CAMERA_HEIGHT, HEADINGS, Heading, Lattice, LatticePose, Node};
 use crate::seed::SeedTree;
 use crate::sensor::raster::RasterIndex;
 use glam::{Vec2, Vec3};
-use settings::LATTICE_STEP;
+use settings::{LATTICE_STEP, UNITS, WANT_UNIT};
 use slice::slice_at;
 
 /// Why a mesh and its settings do not make a scene.
@@ -71,6 +71,19 @@ pub enum SceneError {
         spacing: f32,
         /// Their number.
         nodes: i64,
+    },
+    /// The settings do not belong to the mesh.
+    #[error(
+        "scene {scene}: the lattice, from {:.1} to {:.1} m, lies beside the mesh, from {:.1} to {:.1} m: settings.json belongs to \
+         another mesh, or the lengths are in another unit (scene.metres_per_unit)", lattice[0], lattice[1], mesh[0], mesh[1]
+    )]
+    Apart {
+        /// Scene name.
+        scene: String,
+        /// First and last node of the lattice, metres.
+        lattice: [Vec3; 2],
+        /// Lower and upper corner of the mesh, metres.
+        mesh: [Vec3; 2],
     },
     /// Nowhere to stand.
     #[error(
@@ -131,6 +144,10 @@ impl Scene {
         let interior = if settings.scene.open { Interior::Open } else { Interior::Closed };
         let graph = LatticeGraph::inside(interior, lattice, &rays);
         if graph.largest_component().is_empty() {
+            let nodes = [lattice.origin, lattice.position(lattice.node(lattice.len() - 1))];
+            if nodes[0].cmpgt(high).any() || nodes[1].cmplt(low).any() {
+                return Err(SceneError::Apart { scene: name, lattice: nodes, mesh: [low, high] });
+            }
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
         }
         let mut notes = Vec::new();
@@ -315,11 +332,11 @@ fn lattice_of(scene: &str, settings: &Settings) -> Result<Lattice, SceneError> {
     let camera = &settings.camera;
     let refuse = |field, value: String, want| Err(SceneError::Settings { scene: scene.into(), field, value, want });
     let scale = settings.scene.metres_per_unit;
-    if !(scale.is_finite() && scale > 0.0) {
-        return refuse("scene.metres_per_unit", scale.to_string(), "a positive number of metres");
+    if !UNITS.contains(&scale) {
+        return refuse("scene.metres_per_unit", format!("{scale:e}"), WANT_UNIT);
     }
     let corners = [camera.x_min, camera.x_max, settings.scene.x_min, settings.scene.x_max];
-    if corners.iter().flatten().any(|c| !c.is_finite()) {
+    if corners.iter().flatten().any(|c| !(c * scale).is_finite()) {
         return refuse("x_min / x_max", format!("{corners:?}"), "finite numbers");
     }
     if camera.pose_l < 1 || camera.pose_h < 1 || i64::from(camera.pose_l) * i64::from(camera.pose_h) > MAX_NODES {

@@ -7,12 +7,19 @@
 use crate::pose::HEADINGS;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Metres in one OBJ unit where the file does not say: the published maps.
 pub const PUBLISHED_METRES_PER_UNIT: f32 = 5.0;
 
 /// Distance of neighbouring camera positions, metres.
 pub const LATTICE_STEP: f32 = 1.5;
+
+/// Metres that a unit of length can have: from 0.1 mm to 10 km.
+pub(super) const UNITS: RangeInclusive<f32> = 1e-4..=1e4;
+
+/// What such a number should be.
+pub(super) const WANT_UNIT: &str = "metres in one unit of the OBJ file, from 0.0001 to 10,000";
 
 /// The whole file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -20,6 +20,7 @@ pub use trace::{RayCamera, trace};
 
 use crate::pose::Pose;
 use crate::scene::Scene;
+use glam::Vec3;
 
 /// The number of the triangle that a pixel without a surface shows.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -42,6 +43,12 @@ impl Frame {
     /// Depth of a pixel, metres; `None` where no surface is within range.
     pub fn at(&self, col: usize, row: usize) -> Option<f32> {
         Some(self.depth[row * self.width + col]).filter(|&depth| depth > 0.0)
+    }
+
+    /// The surface points, in the world, of all pixels that show a surface, seen through the camera that took them.
+    pub fn points(&self, eye: PosedCamera) -> impl Iterator<Item = Vec3> + '_ {
+        let pixels = self.depth.iter().enumerate().filter(|&(_, &depth)| depth > 0.0);
+        pixels.map(move |(n, &depth)| eye.unproject(n % self.width, n / self.width, depth))
     }
 
     /// Takes the size of a camera's image. The depths keep arbitrary old values.

@@ -1,8 +1,8 @@
 //! Whether a scene is closed: rays from inside that meet nothing.
 
+use crate::scene::{Interior, Scene};
+use crate::seed::SeedTree;
 use glam::Vec3;
-use nbp_env::scene::Interior;
-use nbp_env::{Scene, SeedTree};
 use rand::RngExt as _;
 use std::f32::consts::TAU;
 
@@ -79,7 +79,7 @@ fn directions(turn: f32) -> impl Iterator<Item = Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nbp_env::scene::{Mesh, Settings};
+    use crate::scene::{Mesh, Settings};
 
     #[test]
     fn a_closed_building_keeps_its_rays_and_an_open_one_does_not() {
