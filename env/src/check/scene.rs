@@ -14,7 +14,7 @@ const CONNECTED: f64 = 0.5;
 const VISIBLE: f64 = 0.75;
 
 /// Height of most rooms, metres: from a cellar to a hall. A factor of three either way falls outside.
-pub(super) const ROOM_HEIGHT: [f32; 2] = [1.8, 12.0];
+pub(super) const ROOM_HEIGHT: [f32; 2] = [1.8, 14.0];
 
 /// Share of the mesh's area that may lie outside the scene's box.
 const OUTSIDE: f64 = 0.05;

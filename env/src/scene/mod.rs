@@ -145,7 +145,7 @@ impl Scene {
         let graph = LatticeGraph::inside(interior, lattice, &rays);
         if graph.largest_component().is_empty() {
             let nodes = [lattice.origin, lattice.position(lattice.node(lattice.len() - 1))];
-            if nodes[0].cmpgt(high).any() || nodes[1].cmplt(low).any() {
+            if [0, 2].iter().any(|&axis| nodes[0][axis] > high[axis] || nodes[1][axis] < low[axis]) {
                 return Err(SceneError::Apart { scene: name, lattice: nodes, mesh: [low, high] });
             }
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
