@@ -45,6 +45,8 @@ const MAX_CELLS: f32 = 4e6;
 pub struct Surface {
     points: Vec<Vec3>,
     epsilon: f32,
+    /// ε and a hair.
+    reach: f32,
     low: Vec3,
     cell: f32,
     shape: [usize; 3],
@@ -64,14 +66,16 @@ impl Surface {
         let bounds = |acc: [Vec3; 2], &p: &Vec3| [acc[0].min(p), acc[1].max(p)];
         let first = points.first().copied().unwrap_or_default();
         let [low, high] = points.iter().fold([first; 2], bounds);
-        let (low, extent) = (low - epsilon, high - low + 2.0 * epsilon);
+        // A hair more than ε: rounding must not lose what the exact test would accept.
+        let reach = 1.0001 * epsilon + 1e-6 * low.abs().max(high.abs()).max_element();
+        let (low, extent) = (low - reach, high - low + 2.0 * reach);
         let cells_at = |cell: f32| (extent / cell).floor() + 1.0;
         let mut cell = epsilon.max(1e-3);
         while cells_at(cell).element_product() > MAX_CELLS {
             cell *= 1.25;
         }
         let shape = cells_at(cell).to_array().map(|n| n as usize);
-        let mut surface = Self { points, epsilon, low, cell, shape, begin: Vec::new(), candidates: Vec::new() };
+        let mut surface = Self { points, epsilon, reach, low, cell, shape, begin: Vec::new(), candidates: Vec::new() };
         surface.file_points();
         surface
     }
@@ -118,12 +122,12 @@ impl Surface {
         self.candidates = candidates;
     }
 
-    /// Calls `visit` for every cell with a part within ε of `point`.
+    /// Calls `visit` for every cell with a part within reach of `point`.
     fn cells_near(&self, point: Vec3, mut visit: impl FnMut(usize)) {
         let local = point - self.low;
         let last = |axis: usize| self.shape[axis] - 1;
         let range = |axis: usize| {
-            let (from, to) = ((local[axis] - self.epsilon) / self.cell, (local[axis] + self.epsilon) / self.cell);
+            let (from, to) = ((local[axis] - self.reach) / self.cell, (local[axis] + self.reach) / self.cell);
             from.max(0.0) as usize..=(to as usize).min(last(axis))
         };
         for x in range(0) {
@@ -131,8 +135,7 @@ impl Surface {
                 for z in range(2) {
                     let corner = Vec3::new(x as f32, y as f32, z as f32) * self.cell;
                     let nearest = local.clamp(corner, corner + self.cell);
-                    // A hair more than ε: rounding here must not lose what the exact test would accept.
-                    if nearest.distance_squared(local) <= self.epsilon * self.epsilon * 1.0001 {
+                    if nearest.distance_squared(local) <= self.reach * self.reach {
                         visit((x * self.shape[1] + y) * self.shape[2] + z);
                     }
                 }

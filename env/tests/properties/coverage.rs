@@ -12,12 +12,18 @@ fn coverage_is_its_definition() {
         let epsilon: f32 = [0.05, 0.5, 1.0, rng.random_range(0.01..2.0)][rng.random_range(0..4_usize)];
         // Far from the origin, where f32 is coarse; and on a grid, where many distances are exactly ε.
         let offset = if rng.random_bool(0.3) { point(rng, 3000.0).round() } else { Vec3::ZERO };
-        let on_grid = rng.random_bool(0.3);
+        let on_grid = rng.random_bool(0.6);
         let mut cloud = |count: usize, reach: f32| -> Vec<Vec3> {
             let count = rng.random_range(1..=count);
             let mut draw = || {
                 let p = point(rng, reach);
-                offset + if on_grid { (p / epsilon * 2.0).round() * epsilon / 2.0 } else { p }
+                let at = offset + if on_grid { (p / epsilon).round() * epsilon } else { p };
+                // A unit in the last place more or less.
+                match rng.random_range(0..3) {
+                    0 => at,
+                    1 => at.map(f32::next_up),
+                    _ => at.map(f32::next_down),
+                }
             };
             (0..count).map(|_| draw()).collect()
         };
