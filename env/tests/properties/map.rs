@@ -22,20 +22,20 @@ fn crop(grid: &DensityGrid, window: &Window) -> Vec<u16> {
 fn counts_do_not_depend_on_when_they_were_counted() {
     for_all("counts_do_not_depend_on_when_they_were_counted", MANY, |rng| {
         let layers = Layers { count: rng.random_range(1..6), ..Layers::default() };
-        let plane = rng.random_range(-2.0..4.0_f32);
+        let floor = rng.random_range(-2.0..4.0_f32);
         // On both sides of the origin, or far from it.
         let offset = if rng.random_bool(0.5) { Vec3::ZERO } else { point(rng, 900.0) * Vec3::new(1.0, 0.0, 1.0) };
         let frames: Vec<Vec<Vec3>> = (0..rng.random_range(1..6))
-            .map(|_| (0..rng.random_range(0..40)).map(|_| offset + plane * Vec3::Y + point(rng, 6.0)).collect())
+            .map(|_| (0..rng.random_range(0..40)).map(|_| offset + floor * Vec3::Y + point(rng, 6.0)).collect())
             .collect();
-        let new = || DensityGrid::new(SIZE, layers, plane);
+        let new = || DensityGrid::new(SIZE, layers, floor);
         let (mut step_by_step, mut at_once, mut backwards) = (new(), new(), new());
         frames.iter().for_each(|frame| step_by_step.add(frame));
         at_once.add(&frames.concat());
         frames.iter().rev().for_each(|frame| backwards.add(frame));
 
         let shift = Vec3::new(rng.random_range(-9.0..9.0), 0.0, rng.random_range(-9.0..9.0));
-        let window = SIZE.around(offset + plane * Vec3::Y + shift);
+        let window = SIZE.around(offset + floor * Vec3::Y + shift);
         let image = crop(&step_by_step, &window);
         assert_eq!(image, crop(&at_once, &window));
         assert_eq!(image, crop(&backwards, &window));
@@ -43,7 +43,7 @@ fn counts_do_not_depend_on_when_they_were_counted() {
         // Against the definition, point by point and pixel by pixel.
         let mut expected = vec![0; image.len()];
         for &p in frames.iter().flatten() {
-            if let (Some(layer), Some((row, col))) = (layers.layer(p.y, plane), window.pixel(p)) {
+            if let (Some(layer), Some((row, col))) = (layers.layer(p.y, floor), window.pixel(p)) {
                 expected[(layer * SIZE.pixels + row) * SIZE.pixels + col] += 1;
             }
         }

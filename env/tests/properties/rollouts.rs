@@ -6,8 +6,9 @@ use nbp_env::batch::EpisodeBatch;
 use nbp_env::map::DensityGrid;
 use nbp_env::policy::{Policy, fbe::Fbe, random::Random};
 use nbp_env::sensor::Camera;
-use nbp_env::{Action, Episode, Rng, Scene, SeedTree, SimConfig, World};
+use nbp_env::{Action, Agent, Episode, LatticePose, MotionConfig, Rng, Scene, SeedTree, SimConfig, World};
 use rand::RngExt as _;
+use rand::seq::IndexedRandom as _;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -20,7 +21,8 @@ struct Told {
     curve: Vec<u32>,
     cloud: Vec<u32>,
     first: Vec<Option<u32>>,
-    history: Vec<nbp_env::LatticePose>,
+    history: Vec<LatticePose>,
+    track: Vec<[u32; 4]>,
     input: nbp_env::EncoderInput,
 }
 
@@ -30,16 +32,24 @@ fn told(episode: &Episode) -> Told {
         cloud: episode.view().cloud().iter().flat_map(|p| p.to_array().map(f32::to_bits)).collect(),
         first: (0..episode.world().surface().len()).map(|n| episode.coverage().first_step(n)).collect(),
         history: episode.view().history().to_vec(),
+        track: episode
+            .track()
+            .iter()
+            .map(|p| [p.position.x, p.position.y, p.position.z, p.azimuth].map(f32::to_bits))
+            .collect(),
         input: episode.encode(),
     }
 }
 
-fn world() -> Arc<World> {
-    let camera = Camera { width: 60, height: 34, ..Camera::default() };
-    let mut config = SimConfig { camera, ..SimConfig::default() };
-    config.coverage.points = 500;
-    config.encode.window.pixels = 64;
-    Arc::new(World::new(Scene::two_rooms(), &config).unwrap())
+/// The lattice world and the continuous one.
+fn worlds() -> [Arc<World>; 2] {
+    [Agent::Lattice, Agent::Continuous(MotionConfig::default())].map(|agent| {
+        let camera = Camera { width: 60, height: 34, ..Camera::default() };
+        let mut config = SimConfig { agent, camera, ..SimConfig::default() };
+        config.coverage.points = 500;
+        config.encode.window.pixels = 64;
+        Arc::new(World::new(Scene::two_rooms(), &config).unwrap())
+    })
 }
 
 /// What a batch has told after each step, half of its policies walking at random and half to frontiers.
@@ -64,19 +74,21 @@ fn run(world: &Arc<World>, (count, horizon, seed): (usize, usize, u64)) -> Vec<T
 
 #[test]
 fn threads_change_no_bit() {
-    let world = world();
+    let worlds = worlds();
     let pools = [1, 3].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
     for_all("threads_change_no_bit", SOME, |rng| {
-        let batch = (rng.random_range(1..5), rng.random_range(1..6), rng.random());
-        let [one, three] = [0, 1].map(|n| pools[n].install(|| run(&world, batch)));
+        let (world, batch) =
+            (worlds.choose(rng).unwrap(), (rng.random_range(1..5), rng.random_range(1..6), rng.random()));
+        let [one, three] = [0, 1].map(|n| pools[n].install(|| run(world, batch)));
         assert_eq!(one, three);
     });
 }
 
 #[test]
 fn an_episode_that_was_reset_is_a_new_one_and_its_input_is_its_cloud() {
-    let world = world();
+    let worlds = worlds();
     for_all("an_episode_that_was_reset_is_a_new_one_and_its_input_is_its_cloud", 4 * SOME, |rng| {
+        let world = worlds.choose(rng).unwrap();
         let [before, seed] = [(); 2].map(|()| SeedTree::new(rng.random()));
         let horizon = rng.random_range(0..6);
         let go = |mut episode: Episode| {
@@ -86,14 +98,14 @@ fn an_episode_that_was_reset_is_a_new_one_and_its_input_is_its_cloud() {
             }
             episode
         };
-        let mut reset = go(Episode::random(Arc::clone(&world), horizon, before));
+        let mut reset = go(Episode::random(Arc::clone(world), horizon, before));
         reset.reset(seed);
-        let (reset, new) = (go(reset), go(Episode::random(Arc::clone(&world), horizon, seed)));
+        let (reset, new) = (go(reset), go(Episode::random(Arc::clone(world), horizon, seed)));
         assert_eq!(told(&reset), told(&new));
 
         let encode = world.config().encode;
         let input = new.encode();
-        let mut grid = DensityGrid::new(encode.window, encode.layers, new.view().position().y);
+        let mut grid = DensityGrid::new(encode.window, encode.layers, world.scene().floor());
         grid.add(&new.view().cloud().iter().copied().rev().collect::<Vec<Vec3>>());
         let mut counts = vec![0; encode.layers.count * encode.window.pixels.pow(2)];
         grid.crop(&input.window, &mut counts);
