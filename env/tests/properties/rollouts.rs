@@ -106,7 +106,9 @@ fn an_episode_that_was_reset_is_a_new_one_and_its_input_is_its_cloud() {
         let encode = world.config().encode;
         let input = new.encode();
         let mut grid = DensityGrid::new(encode.window, encode.layers, world.scene().floor());
-        grid.add(&new.view().cloud().iter().copied().rev().collect::<Vec<Vec3>>());
+        let mut cloud: Vec<Vec3> = new.view().cloud().iter().collect();
+        cloud.reverse();
+        grid.add(&cloud);
         let mut counts = vec![0; encode.layers.count * encode.window.pixels.pow(2)];
         grid.crop(&input.window, &mut counts);
         for layer in 0..encode.layers.count {
