@@ -17,7 +17,7 @@ pub(crate) struct Effort {
 }
 
 impl Effort {
-    pub(crate) const FULL: Self = Self { repeats: 9, slow_repeats: 5, steps: 100, nodes_stride: 1 };
+    pub(crate) const FULL: Self = Self { repeats: 9, slow_repeats: 9, steps: 100, nodes_stride: 1 };
     pub(crate) const QUICK: Self = Self { repeats: 3, slow_repeats: 1, steps: 40, nodes_stride: 16 };
 }
 

@@ -2,6 +2,7 @@
 
 use crate::clock::{Effort, Times, seconds};
 use crate::house::House;
+use nbp_env::sensor::{Frame, Sensor as _};
 use nbp_env::{Action, Episode};
 use serde_json::{Value, json};
 use std::error::Error;
@@ -67,8 +68,8 @@ fn two_episodes(house: &House, repeat: usize, steps: usize) -> Result<f64, Box<d
     }
     let barrier = Barrier::new(2);
     let run = |(mut episode, walk): (Episode, Vec<Action>)| {
-        // The rasteriser's memory is the thread's own: a first frame fills it.
-        episode.encode();
+        // The rasteriser's memory is the thread's own: a first frame makes it.
+        house.world.sensor().capture(house.world.scene(), &house.poses[0], &mut Frame::default());
         barrier.wait();
         let begun = Instant::now();
         for action in walk {
