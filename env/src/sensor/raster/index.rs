@@ -26,7 +26,7 @@ pub(super) const LANES: usize = 16;
 
 /// Leaves that fill a packet: large ones cost little, because their triangles are tested side by side.
 const BUILD: BvhBuildParams =
-    BvhBuildParams { max_prims_per_leaf: 16, collapse_traversal_cost: 64.0, ..BvhBuildParams::medium_build() };
+    BvhBuildParams { max_prims_per_leaf: 16, collapse_traversal_cost: 64.0, ..BvhBuildParams::slow_build() };
 
 /// Share of the scene's size by which boxes are grown at most, to be [`unlike`] each other.
 const HAIR: f32 = 4e-6;
