@@ -107,6 +107,12 @@ pub fn run(
     Ok(records.into_iter().flatten().collect())
 }
 
+/// The share of each scene's surface that can be seen from the poses of its lattice, 0 to 1: the most that can be covered.
+pub fn visible_shares(worlds: &[Arc<World>]) -> BTreeMap<String, f64> {
+    let share = |world: &World| world.visibility().visible().len() as f64 / world.surface().len() as f64;
+    worlds.iter().map(|world| (world.scene().name().to_owned(), share(world))).collect()
+}
+
 fn jobs<'a>(worlds: &'a [Arc<World>], context: &PolicyContext, config: &EvalConfig) -> Result<Vec<Job<'a>>, EvalError> {
     let checks = [(worlds.is_empty(), "no scenes"), (config.policies.is_empty(), "no policies")];
     let checks = checks.into_iter().chain([(config.steps == 0, "0 steps"), (config.seeds == 0, "0 seeds")]);

@@ -5,6 +5,7 @@ use crate::rollout::EpisodeRecord;
 use glam::Vec3;
 use nbp_env::{Lattice, LatticePose, ply};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// A point cloud as PLY in the colours of its points, or by height where there are none.
@@ -99,6 +100,12 @@ pub fn episodes_csv(episodes: &[EpisodeRecord]) -> String {
         );
     }
     csv
+}
+
+/// `scene,visible_share`: the share of the surface that can be seen at all, 0 to 1.
+pub fn visible_csv(shares: &BTreeMap<String, f64>) -> String {
+    let lines = shares.iter().map(|(scene, share)| format!("{},{share:.6}\n", field(scene)));
+    std::iter::once("scene,visible_share\n".to_owned()).chain(lines).collect()
 }
 
 /// A CSV field, quoted where it has to be.

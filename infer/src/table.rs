@@ -3,6 +3,7 @@
 use crate::rollout::EpisodeRecord;
 use nbp_env::metrics::mean_std;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// One line of the comparison. The spread is the sample standard deviation over episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,10 +20,18 @@ pub struct SummaryRow {
     pub auc_mean: f64,
     /// Its spread.
     pub auc_std: f64,
+    /// Mean of the covered share at the end over the share that is visible from the scene's lattice poses; frames between
+    /// poses see a little more, so it may pass 1. Absent where that was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_visible_mean: Option<f64>,
+    /// Its spread.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_visible_std: Option<f64>,
 }
 
-/// One row for each policy, in the order in which they first appear.
-pub fn summarise(episodes: &[EpisodeRecord]) -> Vec<SummaryRow> {
+/// One row for each policy, in the order in which they first appear. `visible` has the visible share of each scene, or
+/// nothing where it was not measured.
+pub fn summarise(episodes: &[EpisodeRecord], visible: &BTreeMap<String, f64>) -> Vec<SummaryRow> {
     let mut policies: Vec<&str> = Vec::new();
     for record in episodes {
         if !policies.contains(&record.policy.as_str()) {
@@ -34,43 +43,57 @@ pub fn summarise(episodes: &[EpisodeRecord]) -> Vec<SummaryRow> {
         let (final_coverage_mean, final_coverage_std) =
             mean_std(&of_policy().map(|r| r.final_coverage).collect::<Vec<_>>());
         let (auc_mean, auc_std) = mean_std(&of_policy().map(|r| r.auc).collect::<Vec<_>>());
+        let of_visible: Option<Vec<f64>> =
+            of_policy().map(|r| visible.get(&r.scene).map(|share| r.final_coverage / share)).collect();
+        let (of_visible_mean, of_visible_std) = of_visible.map(|shares| mean_std(&shares)).unzip();
         let (policy, episodes) = (policy.to_owned(), of_policy().count());
-        SummaryRow { policy, episodes, final_coverage_mean, final_coverage_std, auc_mean, auc_std }
+        SummaryRow {
+            policy,
+            episodes,
+            final_coverage_mean,
+            final_coverage_std,
+            auc_mean,
+            auc_std,
+            of_visible_mean,
+            of_visible_std,
+        }
     };
     policies.into_iter().map(row).collect()
 }
 
-const HEAD: [&str; 4] = ["Policy", "Episodes", "Final Cov.", "AUC"];
-
-fn cells(row: &SummaryRow) -> [String; 4] {
+/// Head and rows; the last column only where something stands in it.
+fn lines(rows: &[SummaryRow]) -> Vec<Vec<String>> {
     let spread = |mean: f64, std: f64| format!("{mean:.3} ± {std:.3}");
-    [
-        row.policy.clone(),
-        row.episodes.to_string(),
-        spread(row.final_coverage_mean, row.final_coverage_std),
-        spread(row.auc_mean, row.auc_std),
-    ]
+    let cells = |row: &SummaryRow| {
+        let coverage = spread(row.final_coverage_mean, row.final_coverage_std);
+        let of_visible = row.of_visible_mean.zip(row.of_visible_std).map_or(String::new(), |(m, s)| spread(m, s));
+        vec![row.policy.clone(), row.episodes.to_string(), coverage, spread(row.auc_mean, row.auc_std), of_visible]
+    };
+    let head = ["Policy", "Episodes", "Final Cov.", "AUC", "of visible"].map(str::to_owned).into();
+    let mut lines: Vec<Vec<String>> = std::iter::once(head).chain(rows.iter().map(cells)).collect();
+    if rows.iter().all(|row| row.of_visible_mean.is_none()) {
+        lines.iter_mut().for_each(|line| line.truncate(4));
+    }
+    lines
 }
 
 /// A Markdown table in the paper's columns.
 pub fn markdown(rows: &[SummaryRow]) -> String {
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    let mut out = line(&HEAD.map(str::to_owned));
-    out += "|---|---:|---:|---:|\n";
-    out.extend(rows.iter().map(|row| line(&cells(row))));
-    out
+    let lines = lines(rows);
+    let mut text: Vec<String> = lines.iter().map(|cells| format!("| {} |\n", cells.join(" | "))).collect();
+    text.insert(1, format!("|---|{}\n", "---:|".repeat(lines[0].len() - 1)));
+    text.concat()
 }
 
 /// The same for a terminal, in columns.
 pub fn text(rows: &[SummaryRow]) -> String {
-    let lines: Vec<[String; 4]> = std::iter::once(HEAD.map(str::to_owned)).chain(rows.iter().map(cells)).collect();
+    let lines = lines(rows);
     let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
-    let widths = [0, 1, 2, 3].map(width);
     let mut out = String::new();
-    for [policy, numbers @ ..] in &lines {
-        out += &format!("{policy:<0$}", widths[0]);
-        for (number, width) in numbers.iter().zip(&widths[1..]) {
-            out += &format!("  {number:>width$}");
+    for line in &lines {
+        out += &format!("{:<1$}", line[0], width(0));
+        for (column, number) in line.iter().enumerate().skip(1) {
+            out += &format!("  {number:>0$}", width(column));
         }
         out.push('\n');
     }
@@ -101,7 +124,7 @@ mod tests {
     #[test]
     fn policies_keep_their_order_and_show_mean_and_spread() {
         let episodes = [record("nbp", 0.9, 0.7), record("fbe", 0.5, 0.4), record("nbp", 0.8, 0.5)];
-        let rows = summarise(&episodes);
+        let rows = summarise(&episodes, &BTreeMap::new());
         assert_eq!(rows.iter().map(|row| row.policy.as_str()).collect::<Vec<_>>(), ["nbp", "fbe"]);
         assert!((rows[0].final_coverage_mean - 0.85).abs() < 1e-12 && rows[1].auc_std == 0.0);
         let table = markdown(&rows);
@@ -110,6 +133,11 @@ mod tests {
         assert!(
             text(&rows).lines().all(|line| line.chars().count() == text(&rows).lines().next().unwrap().chars().count())
         );
+        let visible = BTreeMap::from([("s".to_owned(), 0.5)]);
+        let seen = summarise(&episodes, &visible);
+        assert!((seen[0].of_visible_mean.unwrap() - 1.7).abs() < 1e-12 && seen[1].of_visible_std == Some(0.0));
+        assert!(markdown(&seen).contains("| AUC | of visible |\n|---|---:|---:|---:|---:|\n"), "{}", markdown(&seen));
+        assert!(text(&seen).lines().nth(2).unwrap().ends_with("1.000 ± 0.000"), "{}", text(&seen));
         let keys = serde_json::to_value(&rows[0]).unwrap();
         let expected = ["auc_mean", "auc_std", "episodes", "final_coverage_mean", "final_coverage_std", "policy"];
         assert_eq!(

@@ -121,6 +121,14 @@ fn an_evaluation_goes_on_where_it_stopped() {
     assert_eq!(read("journal.jsonl").lines().count(), 5 + 1 + 3);
     let same = read("episodes.csv").lines().filter(|line| episodes.lines().any(|old| old == *line)).count();
     assert!(same > 5, "{same}");
+    // What was visible can be asked for later.
+    let told = succeeds(dir.path(), &format!("{args} --visible"));
+    assert!(told.lines().next().unwrap().ends_with("of visible"), "{told}");
+    let shares = read("visible.csv");
+    let share: f64 = shares.lines().nth(1).and_then(|line| line.strip_prefix("a,")).unwrap().parse().unwrap();
+    assert!(share > 0.9 && share <= 1.0, "{shares}");
+    let row = &json(&out.join("summary.json"))[0];
+    assert!(row["of_visible_mean"].as_f64() >= row["final_coverage_mean"].as_f64(), "{row}");
     // Other settings do not take them over.
     succeeds(dir.path(), &format!("{args} --set sim.keep=0.1"));
     assert_eq!(read("journal.jsonl").lines().count(), 9 + 8);

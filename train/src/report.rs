@@ -12,6 +12,7 @@ use nbp_infer::eval::{self, EvalConfig};
 use nbp_infer::registry::PolicyContext;
 use nbp_infer::{checkpoint as infer_checkpoint, export, picture, table};
 use nbp_model::{NetPredictor, weights};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -93,7 +94,7 @@ pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
         bar.advance(format!("{} on {}: {:.1} %", record.policy, record.scene, 100.0 * record.final_coverage));
     })?;
     bar.finish();
-    let rows = table::summarise(&episodes);
+    let rows = table::summarise(&episodes, &BTreeMap::new());
     let summary = serde_json::to_string_pretty(&rows)?;
     let files = [
         ("episodes.csv", export::episodes_csv(&episodes)),

@@ -12,6 +12,7 @@ use nbp_infer::{EvalConfig, PolicyKind, checkpoint, eval, export, plot, source, 
 use nbp_model::DeviceChoice;
 use nbp_model::weights::WEIGHTS_FILE;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -30,6 +31,10 @@ pub(super) struct Args {
     /// Only the first so many starts of each scene
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
+    /// Also measure how much of each scene can be seen at all, which takes a second to half a minute, and show coverage as a
+    /// share of it
+    #[arg(long)]
+    visible: bool,
     /// Folder for episodes.csv, summary.json, summary.md and coverage.svg; a second call goes on where the first stopped
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -84,10 +89,14 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     });
     bar.finish();
     let episodes = episodes?;
-    let rows = table::summarise(&episodes);
+    let visible = if args.visible { eval::visible_shares(&worlds) } else { BTreeMap::new() };
+    let rows = table::summarise(&episodes, &visible);
     // First to the terminal: there it is safe whatever the disk says.
     print!("{}", table::text(&rows));
     out.write("episodes.csv", export::episodes_csv(&episodes))?;
+    if args.visible {
+        out.write("visible.csv", export::visible_csv(&visible))?;
+    }
     out.write("summary.json", serde_json::to_string_pretty(&rows)? + "\n")?;
     out.write("summary.md", table::markdown(&rows))?;
     out.write(
