@@ -15,9 +15,9 @@ mod visibility;
 mod watertight;
 
 use glam::Vec3;
+use nbp_env::parallel::try_map;
 use nbp_env::{Rng, SeedTree};
 use rand::RngExt as _;
-use rayon::prelude::*;
 
 /// Cases of a property that costs little.
 const MANY: u64 = 10_000;
@@ -40,10 +40,14 @@ fn for_all(name: &str, usual: u64, check: impl Fn(&mut Rng) + Sync) {
         Some(one) => one..one + 1,
         None => 0..number("PROPTEST_CASES").unwrap_or(usual),
     };
-    cases.into_par_iter().for_each(|case| {
+    // Not rayon: a case may wait for a pool of its own, and the thread would begin other cases meanwhile, one in another.
+    let cases: Vec<u64> = cases.collect();
+    let run = |&case: &u64| {
         let _case = Case(name, case);
         check(&mut SeedTree::new(case).child(name, 0).rng());
-    });
+        Ok::<(), ()>(())
+    };
+    drop(try_map(&cases, run));
 }
 
 /// Uniform in a cube around the origin.
