@@ -141,10 +141,10 @@ impl SimConfig {
                 "above encode.layers.bottom",
             ),
             (
-                (1..=10_000_000).contains(&self.coverage.points) && is_positive(self.coverage.epsilon),
+                (1..=10_000_000).contains(&self.coverage.points) && (1e-6..=1e3).contains(&self.coverage.epsilon),
                 "coverage",
                 format!("{} points, epsilon {}", self.coverage.points, self.coverage.epsilon),
-                "from 1 to 10,000,000 points and a positive epsilon",
+                "from 1 to 10,000,000 points and a positive epsilon from 1 µm to 1 km",
             ),
             (self.keep > 0.0 && self.keep <= 1.0, "keep", self.keep.to_string(), "above 0 and at most 1"),
             ((1..=64).contains(&self.captures), "captures", self.captures.to_string(), "from 1 to 64"),

@@ -60,9 +60,9 @@ pub enum SceneError {
         /// Largest coordinate, metres.
         distance: f32,
     },
-    /// Too many positions.
+    /// Too many positions, or none.
     #[error(
-        "scene {scene}: a lattice every {spacing} m has {nodes} nodes, and {MAX_NODES} are the most: take a larger step"
+        "scene {scene}: a lattice every {spacing} m has {nodes} nodes, and it needs 1 to {MAX_NODES}: take another positive step"
     )]
     Nodes {
         /// Scene name.
@@ -196,7 +196,7 @@ impl Scene {
         let after = |count: i32| ((count as f32 - 0.5) * old.spacing / spacing).floor();
         let size = old.size.map(|count| (before + 1.0 + after(count)) as i32);
         let nodes = i64::from(size[0]) * i64::from(size[1]);
-        if nodes > MAX_NODES {
+        if !(spacing > 0.0 && (1..=MAX_NODES).contains(&nodes)) {
             return Err(SceneError::Nodes { scene: self.name, spacing, nodes });
         }
         let shift = Vec3::new(before * spacing, 0.0, before * spacing);

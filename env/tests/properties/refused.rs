@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 use nbp_env::scene::{Mesh, Settings};
-use nbp_env::{Episode, Heading, LatticePose, Node, Scene, SeedTree, SimConfig, World};
+use nbp_env::sensor::{Camera, DepthCamera, Frame, RayCamera, Sensor};
+use nbp_env::{Agent, Episode, Heading, LatticePose, MotionConfig, Node, Pose, Scene, SeedTree, SimConfig, World};
 use std::sync::Arc;
 
 /// A room of 6 × 3 × 6 m.
@@ -103,19 +104,63 @@ fn settings_files_name_the_key() {
     assert!(Scene::load(folder.path()).is_ok());
 }
 
+fn robot(change: fn(&mut MotionConfig)) -> Agent {
+    let mut config = MotionConfig::default();
+    change(&mut config);
+    Agent::Continuous(config)
+}
+
+#[test]
+fn lattices() {
+    for spacing in [0.0, -0.5, f32::NAN, 1e-9] {
+        let error = Scene::two_rooms().for_robot(1.25, spacing, 0.02).unwrap_err();
+        says(&error, &["scene two_rooms", &format!("a lattice every {spacing} m"), "1 to 1000000", "positive step"]);
+    }
+    for height in [f32::NAN, f32::INFINITY, 50.0] {
+        says(&Scene::two_rooms().for_robot(height, 0.5, 0.02).unwrap_err(), &["no free lattice pose at height"]);
+    }
+}
+
+#[test]
+fn cameras_that_are_nowhere_see_nothing() {
+    let scene = Scene::two_rooms();
+    let camera = Camera { width: 17, height: 9, ..Camera::default() };
+    let (away, inside) = (Vec3::splat(1e30), Vec3::new(3.0, 1.65, 3.0));
+    let places = [(away, 0.0), (Vec3::NAN, 0.0), (inside.with_x(f32::INFINITY), 1.0), (inside, f32::NAN)];
+    for (position, azimuth) in places {
+        for sensor in [&DepthCamera(camera) as &dyn Sensor, &RayCamera(camera)] {
+            let mut frame = Frame::default();
+            sensor.capture(&scene, &Pose { position, azimuth }, &mut frame);
+            assert!(frame.depth.iter().all(|&depth| depth == 0.0), "{position} {azimuth}: {:?}", frame.depth);
+        }
+    }
+    // As far as numbers go, and no farther than the walls.
+    for range in [1e6, 1e30] {
+        let mut frame = Frame::default();
+        DepthCamera(Camera { range, ..camera }).capture(&scene, &Pose { position: inside, azimuth: 1.0 }, &mut frame);
+        assert!(frame.depth.iter().all(|&depth| depth > 0.0 && depth < 15.0), "{:?}", frame.depth);
+    }
+}
+
 #[test]
 fn simulator_settings() {
     type Change = fn(&mut SimConfig);
-    let table: [(Change, &[&str]); 24] = [
-        (|s| s.camera.width = 0, &["0"]),
-        (|s| s.camera.height = 0, &["0"]),
-        (|s| s.camera.width = usize::MAX, &["camera"]),
-        (|s| s.camera.hfov_degrees = 0.0, &["0"]),
-        (|s| s.camera.hfov_degrees = 180.0, &["180"]),
-        (|s| s.camera.hfov_degrees = f32::NAN, &["NaN"]),
-        (|s| s.camera.range = 0.0, &["0"]),
-        (|s| s.camera.range = -1.0, &["-1"]),
-        (|s| s.camera.range = f32::INFINITY, &["inf"]),
+    let table: [(Change, &[&str]); 30] = [
+        (|s| s.camera.width = 0, &["camera.width × camera.height is 0 × 256", "must be 1 to"]),
+        (|s| s.camera.height = 0, &["camera.width × camera.height is 456 × 0", "must be 1 to"]),
+        (|s| s.camera.width = usize::MAX, &["camera.width", "must be 1 to"]),
+        (|s| s.camera.hfov_degrees = 0.0, &["camera.hfov_degrees is 0", "must be 1 to 170"]),
+        (|s| s.camera.hfov_degrees = 180.0, &["camera.hfov_degrees is 180"]),
+        (|s| s.camera.hfov_degrees = f32::NAN, &["camera.hfov_degrees is NaN"]),
+        (|s| s.camera.range = 0.0, &["camera.range is 0 m", "positive, finite"]),
+        (|s| s.camera.range = -1.0, &["camera.range is -1 m"]),
+        (|s| s.camera.range = f32::INFINITY, &["camera.range is inf m"]),
+        (|s| s.coverage.epsilon = 1e30, &["coverage", "1 km"]),
+        (|s| s.agent = robot(|r| r.lattice_step = 0.0), &["sim.agent.", "lattice_step"]),
+        (|s| s.agent = robot(|r| r.lattice_step = f32::NAN), &["sim.agent.", "lattice_step"]),
+        (|s| s.agent = robot(|r| r.turn_degrees = 0.0), &["sim.agent.turn_degrees is 0", "from 1 to 45"]),
+        (|s| s.agent = robot(|r| r.camera_height = f32::NAN), &["sim.agent.camera_height is NaN"]),
+        (|s| s.agent = robot(|r| r.radius = -1.0), &["sim.agent.radius is -1"]),
         (|s| s.coverage.epsilon = 0.0, &["coverage", "epsilon 0", "positive"]),
         (|s| s.coverage.epsilon = -0.5, &["coverage", "epsilon -0.5"]),
         (|s| s.coverage.epsilon = f32::NAN, &["coverage", "epsilon NaN"]),
