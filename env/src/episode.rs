@@ -4,6 +4,7 @@ use crate::coverage::{Counting, Coverage, CoverageConfig, Surface};
 use crate::encode::{EncodeConfig, encode};
 use crate::map::{AgentMap, Kept, MapView};
 use crate::motion::{Agent, Motion, Walker};
+use crate::noise::{NoiseConfig, PoseError};
 use crate::pilot;
 use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node, Pose};
 use crate::predict::EncoderInput;
@@ -48,6 +49,8 @@ pub struct SimConfig {
     /// Colours of images and of the cloud: `off`, `nearest` or `bilinear`. Nothing but them depends on it; scenes must be
     /// loaded with their colours.
     pub colour: Colour,
+    /// Errors of depths and believed poses, off by default.
+    pub noise: NoiseConfig,
     /// What the network sees.
     pub encode: EncodeConfig,
     /// How coverage is measured.
@@ -64,6 +67,7 @@ impl Default for SimConfig {
             agent: Agent::Lattice,
             camera: Camera::default(),
             colour: Colour::Off,
+            noise: NoiseConfig::default(),
             encode: EncodeConfig::default(),
             coverage: CoverageConfig::default(),
             keep: 0.05,
@@ -154,7 +158,7 @@ impl SimConfig {
             Agent::Continuous(config) => config.fault(),
         };
         let fault = checks.into_iter().find(|(ok, ..)| !ok).map(|(_, field, value, want)| (field, value, want));
-        match fault.or(motions) {
+        match fault.or(motions).or(self.noise.fault()) {
             Some((field, value, want)) => Err(SimError::Field { field, value, want }),
             None => Ok(()),
         }
@@ -342,6 +346,9 @@ pub struct Episode {
     step: usize,
     horizon: usize,
     pixels: SeedTree,
+    noise: SeedTree,
+    /// Of the last frame's pose.
+    error: Option<PoseError>,
     sampling: SeedTree,
     frame: Frame,
     curve: Vec<f32>,
@@ -405,6 +412,8 @@ impl Episode {
             step: 0,
             horizon,
             pixels: seed.child("pixels", 0),
+            noise: seed.child("noise", 0),
+            error: None,
             sampling: seed.child("coverage", 0),
             frame,
             curve: Vec::new(),
@@ -549,7 +558,8 @@ impl Episode {
 
     /// What a policy may look at.
     pub fn view(&self) -> MapView<'_> {
-        MapView::new(&self.map, self.world.scene.lattice(), self.pose, self.camera(), self.step, self.horizon)
+        let camera = self.believed(&self.camera());
+        MapView::new(&self.map, self.world.scene.lattice(), self.pose, camera, self.step, self.horizon)
     }
 
     /// The network's input at the current pose.
@@ -636,12 +646,20 @@ impl Episode {
         self.curve.last().copied().unwrap_or(0.0)
     }
 
+    fn believed(&self, pose: &Pose) -> Pose {
+        self.error.map_or(*pose, |error| error.of(pose))
+    }
+
     fn capture(&mut self, pose: &Pose, number: usize) {
         let world = Arc::clone(&self.world);
         let camera = world.sensor.camera();
         world.sensor.capture(&world.scene, pose, &mut self.frame);
-        // By step and capture, so that policies that took different ways still keep the same pixels.
-        let mut pixels = self.pixels.child("step", self.step as u64).child("capture", number as u64).rng();
+        // By step and capture, so that policies that took different ways still keep the same pixels and meet the same errors.
+        let stream = |tree: SeedTree| tree.child("step", self.step as u64).child("capture", number as u64);
+        let (mut pixels, noise) = (stream(self.pixels).rng(), stream(self.noise));
+        world.config.noise.disturb(&mut self.frame, camera, noise);
+        self.error = world.config.noise.pose_error(noise);
+        let pose = &self.believed(pose);
         let kept = keep_points(camera, pose, &self.frame, world.config.keep, &mut pixels);
         self.coverage.add(&world.surface, &kept.points, self.step as u32);
         self.map.integrate(camera, pose, &self.frame, &kept);

@@ -27,6 +27,7 @@ pub mod explain;
 pub mod label;
 pub mod metrics;
 pub mod motion;
+pub mod noise;
 pub mod parallel;
 pub mod pilot;
 pub mod ply;
