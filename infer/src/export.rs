@@ -3,7 +3,8 @@
 use crate::picture::height_colour;
 use crate::rollout::EpisodeRecord;
 use glam::Vec3;
-use nbp_env::{Lattice, LatticePose, ply};
+use nbp_env::completion::Completion;
+use nbp_env::{LatticePose, Pose, ply};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -46,20 +47,22 @@ struct Trajectory<'a> {
     bumps: usize,
     path_length_m: f32,
     decision_ms: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    completion: Option<Completion>,
     poses: Vec<Waypoint>,
 }
 
-/// An episode's poses with its figures, as JSON.
+/// An episode's poses with its figures, as JSON. `track` has the true camera pose of each.
 ///
 /// # Errors
 /// When a number is not finite.
-pub fn trajectory_json(record: &EpisodeRecord, lattice: &Lattice) -> Result<String, serde_json::Error> {
-    let waypoint = |(step, (&pose, &coverage)): (usize, (&LatticePose, &f32))| Waypoint {
+pub fn trajectory_json(record: &EpisodeRecord, track: &[Pose]) -> Result<String, serde_json::Error> {
+    let waypoint = |(step, ((&pose, camera), &coverage)): (usize, ((&LatticePose, &Pose), &f32))| Waypoint {
         step,
         node: [pose.node.i, pose.node.k],
         heading: pose.heading.index(),
-        position: lattice.position(pose.node).to_array(),
-        azimuth_degrees: pose.heading.azimuth().to_degrees(),
+        position: camera.position.to_array(),
+        azimuth_degrees: camera.azimuth.to_degrees(),
         coverage,
     };
     let trajectory = Trajectory {
@@ -74,7 +77,8 @@ pub fn trajectory_json(record: &EpisodeRecord, lattice: &Lattice) -> Result<Stri
         bumps: record.bumps,
         path_length_m: record.path_length,
         decision_ms: record.decision_ms,
-        poses: record.poses.iter().zip(&record.curve).enumerate().map(waypoint).collect(),
+        completion: record.completion,
+        poses: record.poses.iter().zip(track).zip(&record.curve).enumerate().map(waypoint).collect(),
     };
     serde_json::to_string_pretty(&trajectory).map(|json| json + "\n")
 }
@@ -88,16 +92,24 @@ pub fn coverage_csv(curve: &[f32]) -> String {
     csv
 }
 
-/// One line for each episode.
+/// One line for each episode; with Comp. % and Comp. cm where they were measured.
 pub fn episodes_csv(episodes: &[EpisodeRecord]) -> String {
-    let mut csv = String::from("scene,policy,start,seed,steps,final_coverage,auc,bumps,path_length_m,decision_ms\n");
+    let mut csv = String::from("scene,policy,start,seed,steps,final_coverage,auc,bumps,path_length_m,decision_ms");
+    let is_measured = episodes.iter().any(|record| record.completion.is_some());
+    csv += if is_measured { ",completion_percent,completion_cm\n" } else { "\n" };
     for r in episodes {
         let (scene, policy) = (field(&r.scene), field(&r.policy));
-        let _ = writeln!(
+        let _ = write!(
             csv,
             "{scene},{policy},{},{},{},{:.6},{:.6},{},{:.2},{:.3}",
             r.start, r.seed, r.steps, r.final_coverage, r.auc, r.bumps, r.path_length, r.decision_ms
         );
+        let _ = match r.completion {
+            Some(Completion { share, mean_distance }) => {
+                writeln!(csv, ",{:.4},{:.4}", 100.0 * share, 100.0 * mean_distance)
+            }
+            None => writeln!(csv, "{}", if is_measured { ",," } else { "" }),
+        };
     }
     csv
 }
@@ -116,7 +128,7 @@ fn field(text: &str) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use nbp_env::{Heading, Node};
+    use nbp_env::{Heading, Lattice, Node};
 
     pub(crate) fn record() -> EpisodeRecord {
         let pose = |i, heading| LatticePose { node: Node { i, k: 2 }, heading: Heading::new(heading) };
@@ -132,6 +144,7 @@ pub(crate) mod tests {
             bumps: 1,
             path_length: 1.5,
             decision_ms: 0.5,
+            completion: None,
             poses: vec![pose(0, 2), pose(1, 2), pose(1, 3)],
         }
     }
@@ -149,9 +162,13 @@ pub(crate) mod tests {
         assert_eq!(csv.lines().nth(1).unwrap(), "\"hall, small\",fbe,1,3,2,0.250000,0.187500,1,1.50,0.500");
         assert_eq!(coverage_csv(&record().curve).lines().last(), Some("2,0.250000"));
         let lattice = Lattice { origin: Vec3::new(1.0, 1.65, 0.0), spacing: 1.5, size: [4, 4] };
-        let json: serde_json::Value = serde_json::from_str(&trajectory_json(&record(), &lattice).unwrap()).unwrap();
+        let track: Vec<Pose> = record().poses.iter().map(|&pose| lattice.pose(pose)).collect();
+        let json: serde_json::Value = serde_json::from_str(&trajectory_json(&record(), &track).unwrap()).unwrap();
         let last = &json["poses"][2];
         assert_eq!((last["step"].as_u64(), last["azimuth_degrees"].as_f64()), (Some(2), Some(135.0)));
         assert_eq!(last["position"][0].as_f64(), Some(2.5));
+        let measured = EpisodeRecord { completion: Some(Completion { share: 0.5, mean_distance: 0.125 }), ..record() };
+        let csv = episodes_csv(&[record(), measured]);
+        assert!(csv.contains("0.500,,\n") && csv.ends_with("0.500,50.0000,12.5000\n"), "{csv}");
     }
 }

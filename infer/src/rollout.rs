@@ -1,5 +1,6 @@
 //! One episode of one policy: the loop `look → act → step`, and what is written down of it.
 
+use nbp_env::completion::Completion;
 use nbp_env::episode::StartError;
 use nbp_env::policy::{PolicyError, decide};
 use nbp_env::{Episode, LatticePose, Policy, SeedTree, World, metrics};
@@ -98,7 +99,10 @@ pub struct EpisodeRecord {
     pub path_length: f32,
     /// Mean time that the policy took for a decision, milliseconds. The only field that differs between runs.
     pub decision_ms: f64,
-    /// Pose at the start and after each step.
+    /// Comp. % and Comp. cm at the end, measured in the continuous world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub completion: Option<Completion>,
+    /// Pose at the start and after each step; in the continuous world the nearest one.
     pub poses: Vec<LatticePose>,
 }
 
@@ -154,6 +158,9 @@ pub fn run_episode(
         bumps: episode.bumps(),
         path_length: episode.path_length(),
         decision_ms: 1e3 * deciding / decisions.max(1) as f64,
+        completion: episode
+            .is_continuous()
+            .then(|| Completion::published(world.surface().points(), &episode.view().cloud().iter().collect::<Vec<_>>())),
         poses: episode.view().history().to_vec(),
     };
     Ok(Rollout { record, episode })

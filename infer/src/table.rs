@@ -1,6 +1,7 @@
 //! Episodes summed up: mean and spread of Final Coverage and AUC for each policy, as the paper's tables have them.
 
 use crate::rollout::EpisodeRecord;
+use nbp_env::completion::Completion;
 use nbp_env::metrics::mean_std;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -27,6 +28,12 @@ pub struct SummaryRow {
     /// Its spread.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_visible_std: Option<f64>,
+    /// Comp. %, 0 to 100, and its spread, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub completion_percent: Option<[f64; 2]>,
+    /// Comp. cm and its spread, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub completion_cm: Option<[f64; 2]>,
 }
 
 /// One row for each policy, in the order in which they first appear. `visible` has the visible share of each scene, or
@@ -46,6 +53,10 @@ pub fn summarise(episodes: &[EpisodeRecord], visible: &BTreeMap<String, f64>) ->
         let of_visible: Option<Vec<f64>> =
             of_policy().map(|r| visible.get(&r.scene).map(|share| r.final_coverage / share)).collect();
         let (of_visible_mean, of_visible_std) = of_visible.map(|shares| mean_std(&shares)).unzip();
+        let completion = |of: fn(&Completion) -> f64| {
+            let values: Vec<f64> = of_policy().filter_map(|r| r.completion.as_ref().map(of)).collect();
+            (!values.is_empty()).then(|| <[f64; 2]>::from(mean_std(&values)))
+        };
         let (policy, episodes) = (policy.to_owned(), of_policy().count());
         SummaryRow {
             policy,
@@ -56,25 +67,29 @@ pub fn summarise(episodes: &[EpisodeRecord], visible: &BTreeMap<String, f64>) ->
             auc_std,
             of_visible_mean,
             of_visible_std,
+            completion_percent: completion(|c| 100.0 * c.share),
+            completion_cm: completion(|c| 100.0 * c.mean_distance),
         }
     };
     policies.into_iter().map(row).collect()
 }
 
-/// Head and rows; the last column only where something stands in it.
+/// Head and rows; a column only where something stands in it.
 fn lines(rows: &[SummaryRow]) -> Vec<Vec<String>> {
     let spread = |mean: f64, std: f64| format!("{mean:.3} ± {std:.3}");
     let cells = |row: &SummaryRow| {
         let coverage = spread(row.final_coverage_mean, row.final_coverage_std);
         let of_visible = row.of_visible_mean.zip(row.of_visible_std).map_or(String::new(), |(m, s)| spread(m, s));
-        vec![row.policy.clone(), row.episodes.to_string(), coverage, spread(row.auc_mean, row.auc_std), of_visible]
+        let [percent, cm] = [row.completion_percent, row.completion_cm]
+            .map(|measured| measured.map_or(String::new(), |[mean, std]| format!("{mean:.2} ± {std:.2}")));
+        let auc = spread(row.auc_mean, row.auc_std);
+        [row.policy.clone(), row.episodes.to_string(), coverage, auc, of_visible, percent, cm]
     };
-    let head = ["Policy", "Episodes", "Final Cov.", "AUC", "of visible"].map(str::to_owned).into();
-    let mut lines: Vec<Vec<String>> = std::iter::once(head).chain(rows.iter().map(cells)).collect();
-    if rows.iter().all(|row| row.of_visible_mean.is_none()) {
-        lines.iter_mut().for_each(|line| line.truncate(4));
-    }
-    lines
+    let cells: Vec<[String; 7]> = rows.iter().map(cells).collect();
+    let head = ["Policy", "Episodes", "Final Cov.", "AUC", "of visible", "Comp. %", "Comp. cm"].map(str::to_owned);
+    let is_shown = |column: usize| column < 4 || cells.iter().any(|line| !line[column].is_empty());
+    let shown = |line: &[String; 7]| (0..7).filter(|&column| is_shown(column)).map(|c| line[c].clone()).collect();
+    std::iter::once(&head).chain(&cells).map(shown).collect()
 }
 
 /// A Markdown table in the paper's columns.
@@ -117,6 +132,7 @@ mod tests {
             bumps: 0,
             path_length: 0.0,
             decision_ms: 0.0,
+            completion: None,
             poses: Vec::new(),
         }
     }
@@ -138,6 +154,12 @@ mod tests {
         assert!((seen[0].of_visible_mean.unwrap() - 1.7).abs() < 1e-12 && seen[1].of_visible_std == Some(0.0));
         assert!(markdown(&seen).contains("| AUC | of visible |\n|---|---:|---:|---:|---:|\n"), "{}", markdown(&seen));
         assert!(text(&seen).lines().nth(2).unwrap().ends_with("1.000 ± 0.000"), "{}", text(&seen));
+        let measured = |share| Some(Completion { share, mean_distance: 0.5 - 0.5 * share });
+        let episodes =
+            [0.25, 0.75].map(|share| EpisodeRecord { completion: measured(share), ..record("fbe", 0.5, 0.4) });
+        let table = markdown(&summarise(&episodes, &BTreeMap::new()));
+        assert!(table.contains("| AUC | Comp. % | Comp. cm |\n|---|---:|---:|---:|---:|---:|\n"), "{table}");
+        assert!(table.ends_with("| 50.00 ± 35.36 | 25.00 ± 17.68 |\n"), "{table}");
         let keys = serde_json::to_value(&rows[0]).unwrap();
         let expected = ["auc_mean", "auc_std", "episodes", "final_coverage_mean", "final_coverage_std", "policy"];
         assert_eq!(

@@ -455,11 +455,13 @@ fn parse_setting(setting: &str) -> Result<toml::Table, ConfigError> {
     })
 }
 
-/// Tables merge key by key, everything else is replaced; so is a goal rule, whose keys depend on each other.
+/// Tables merge key by key, everything else is replaced; so is a goal rule or an agent, whose keys depend on each other.
 fn merge(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
-            (Some(toml::Value::Table(below)), toml::Value::Table(above)) if !above.contains_key("rule") => {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above))
+                if !above.contains_key("rule") && !above.contains_key("kind") =>
+            {
                 merge(below, above)
             }
             (_, value) => {

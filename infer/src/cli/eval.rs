@@ -22,7 +22,8 @@ pub(super) struct Args {
     /// Scene folders, OBJ files, WADs, single maps as FILE.wad:MAP01, or folders of these
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     scenes: Vec<String>,
-    /// Policies to compare: random, fbe, nbp, oracle-obstacles [default: random,fbe, and nbp with a checkpoint]
+    /// Policies to compare: random, fbe, nbp, oracle-obstacles [default: the
+    /// configuration's, else random,fbe, and nbp with a checkpoint]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     policies: Vec<PolicyKind>,
     /// Episodes from every start, each with its own seed
@@ -43,17 +44,21 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
-    let mut policies = args.policies.clone();
-    if policies.is_empty() {
-        policies = vec![PolicyKind::Random, PolicyKind::Fbe];
-        policies.extend(args.setup.checkpoint.as_ref().map(|_| PolicyKind::Nbp));
-    }
     if args.seeds == 0 || args.starts == Some(0) {
         usage("--seeds and --starts must be at least 1");
     }
     let out = Output::prepare(&args.out)?;
-    let Setup { settings, context } = args.setup.setup(&policies, device, talk)?;
-    let (steps, seeds, seed, starts_limit) = (args.setup.steps, args.seeds, args.setup.seed, args.starts);
+    let read = args.setup.read()?;
+    let mut policies = args.policies.clone();
+    if policies.is_empty() {
+        policies = read.eval.policies.clone().unwrap_or_else(|| {
+            let blind = [PolicyKind::Random, PolicyKind::Fbe];
+            blind.into_iter().chain(args.setup.checkpoint.as_ref().map(|_| PolicyKind::Nbp)).collect()
+        });
+    }
+    let starts_limit = args.starts.or(read.eval.starts);
+    let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, talk)?;
+    let (seeds, seed) = (args.seeds, args.setup.seed);
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit };
 
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));

@@ -22,6 +22,7 @@ Examples:
   cargo run -p infer -- rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/quickstart/checkpoints/best --out out/map01
   cargo run -p infer -- eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/quickstart/checkpoints/best --out out/eval
   cargo run -p infer -- speed --scenes maps/simple --threads 2 --json
+  cargo run -p infer -- eval --config configs/continuous/matterport.toml --scenes maps/simple --out out/continuous
   cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
   cargo run -p infer -- predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
 

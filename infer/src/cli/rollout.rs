@@ -5,6 +5,7 @@ use super::setup::{self, Setup};
 use super::talk::Talk;
 use anyhow::{Context, Result};
 use nbp_env::Policy;
+use nbp_env::completion::Completion;
 use nbp_env::scene::LoadOptions;
 use nbp_infer::rollout::{Rollout, Trial, run_episode};
 use nbp_infer::{PolicyKind, export, picture, plot, registry, source};
@@ -35,12 +36,12 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let out = Output::prepare(&args.out)?;
-    let Setup { settings, context } = args.setup.setup(&[args.policy], device, talk)?;
+    let read = args.setup.read()?;
+    let Setup { settings, context, steps } = args.setup.setup(read, &[args.policy], device, talk)?;
     let options = LoadOptions { colour: settings.sim.colour.is_on() };
     let scene = source::load_one(&args.scene, options).context("cannot use the scene")?;
     scene.notes().iter().for_each(|note| talk.say(format!("note: {note}")));
     let world = setup::worlds(vec![scene], &settings)?.swap_remove(0);
-    let lattice = *world.scene().lattice();
     talk.say(format!(
         "scene {}: {} triangles, {} free poses",
         world.scene().name(),
@@ -49,7 +50,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     ));
 
     let mut policy = registry::build(args.policy, &context, &world)?;
-    let trial = Trial { start: args.start, seed: args.setup.seed, steps: args.setup.steps };
+    let trial = Trial { start: args.start, seed: args.setup.seed, steps };
     let bar = talk.bar(trial.steps, "steps");
     let mut drawn = None;
     let mut failure = Ok(());
@@ -75,12 +76,15 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let title = format!("{}  ·  {}", record.scene, record.policy);
     let points: Vec<_> = episode.view().cloud().iter().collect();
     out.write("cloud.ply", export::cloud_ply(&points, episode.view().cloud_colours()))?;
-    out.write("trajectory.json", export::trajectory_json(&record, &lattice)?)?;
+    out.write("trajectory.json", export::trajectory_json(&record, episode.track())?)?;
     out.write("coverage.csv", export::coverage_csv(&record.curve))?;
     out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;
     out.write("topdown.png", picture::topdown(&episode, &title).png()?)?;
+    let completion = record.completion.map_or(String::new(), |Completion { share, mean_distance }| {
+        format!(", Comp. {:.2} %, {:.2} cm", 100.0 * share, 100.0 * mean_distance)
+    });
     println!(
-        "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, bumps: {}, {:.1} ms a decision",
+        "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, bumps: {}, {:.1} ms a decision{completion}",
         record.scene,
         record.policy,
         100.0 * record.final_coverage,

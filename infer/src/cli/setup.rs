@@ -1,10 +1,11 @@
 //! What `rollout` and `eval` share: settings from a checkpoint and the command line, the network, the worlds.
 
-use super::{overrides, talk::Talk, usage};
+use super::overrides::{self, EvalSection};
+use super::{talk::Talk, usage};
 use anyhow::{Context, Result};
 use nbp_env::{Scene, World};
 use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
-use nbp_model::DeviceChoice;
+use nbp_model::{CheckpointConfig, DeviceChoice};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,9 +16,12 @@ pub(super) struct Args {
     /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors. Its settings hold for every policy
     #[arg(long, value_name = "DIR|FILE")]
     pub(super) checkpoint: Option<PathBuf>,
-    /// Steps of an episode (paper: 100, 200, 400 and 500 from Simple to Insane)
-    #[arg(long, default_value_t = 100, value_name = "N")]
-    pub(super) steps: usize,
+    /// Configuration file (TOML): its sim, policy and eval tables; several are stacked left to right
+    #[arg(long, value_name = "FILE")]
+    config: Vec<PathBuf>,
+    /// Steps of an episode (paper: 100, 200, 400 and 500 from Simple to Insane) [default: the configuration's, else 100]
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
     /// Root of all random numbers
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(super) seed: u64,
@@ -36,18 +40,21 @@ pub(super) struct Args {
 pub(super) struct Setup {
     pub(super) settings: Settings,
     pub(super) context: PolicyContext,
+    /// Steps of an episode.
+    pub(super) steps: usize,
+}
+
+/// Settings, and all that is known before the network is loaded.
+pub(super) struct Read {
+    settings: Settings,
+    trained: Option<CheckpointConfig>,
+    /// The configuration's `[eval]`.
+    pub(super) eval: EvalSection,
 }
 
 impl Args {
-    /// Settings and, if one of the policies needs it, the network.
-    pub(super) fn setup(&self, policies: &[PolicyKind], device: DeviceChoice, talk: Talk) -> Result<Setup> {
-        let needy = policies.iter().find(|kind| kind.needs_network());
-        if let (Some(kind), None) = (needy, &self.checkpoint) {
-            usage(&format!("policy {kind} needs a network: give --checkpoint DIR"));
-        }
-        if self.steps == 0 {
-            usage("--steps must be at least 1");
-        }
+    /// Settings from checkpoint, files and command line, in this order.
+    pub(super) fn read(&self) -> Result<Read> {
         if self.obstacle_threshold.is_some_and(|threshold| !(0.0..=1.0).contains(&threshold)) {
             usage("--obstacle-threshold must be a probability, 0 to 1");
         }
@@ -55,8 +62,8 @@ impl Args {
             None => None,
             Some(path) => Some(checkpoint::read(path).context("cannot use the checkpoint")?),
         };
-        let (config, base) = described.unzip();
-        let mut settings = overrides::apply(&base.unwrap_or_default(), &self.set)?;
+        let (trained, base) = described.unzip();
+        let (mut settings, eval) = overrides::apply(&base.unwrap_or_default(), &self.config, &self.set)?;
         if let Some(threshold) = self.obstacle_threshold {
             settings.policy.obstacle_threshold = threshold;
         }
@@ -64,8 +71,27 @@ impl Args {
             settings.policy.fuse_observed = fuse;
         }
         settings.policy.validate().context("policy")?;
-        if let Some(config) = &config {
-            checkpoint::check(config, &settings.sim)?;
+        Ok(Read { settings, trained, eval })
+    }
+
+    /// What was read and, if one of the policies needs it, the network.
+    pub(super) fn setup(
+        &self,
+        Read { settings, trained, eval }: Read,
+        policies: &[PolicyKind],
+        device: DeviceChoice,
+        talk: Talk,
+    ) -> Result<Setup> {
+        let needy = policies.iter().find(|kind| kind.needs_network());
+        if let (Some(kind), None) = (needy, &self.checkpoint) {
+            usage(&format!("policy {kind} needs a network: give --checkpoint DIR"));
+        }
+        let steps = self.steps.or(eval.steps).unwrap_or(100);
+        if steps == 0 {
+            usage("--steps must be at least 1");
+        }
+        if let Some(trained) = &trained {
+            checkpoint::check(trained, &settings.sim)?;
         }
         let mut context = PolicyContext { predictor: None, nbp: settings.policy };
         if let (Some(path), true) = (&self.checkpoint, needy.is_some()) {
@@ -81,7 +107,7 @@ impl Args {
             context.predictor = Some(loaded.predictor);
         }
         talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
-        Ok(Setup { settings, context })
+        Ok(Setup { settings, context, steps })
     }
 }
 

@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()>
     if args.policy.needs_network() {
         usage(&format!("speed measures the simulator, not the network of policy {}: use random or fbe", args.policy));
     }
-    let settings = overrides::apply(&Settings::default(), &args.set)?;
+    let (settings, _) = overrides::apply(&Settings::default(), &[], &args.set)?;
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
     let on_scene = |total| bar.set(read.fetch_add(1, Ordering::Relaxed) + 1, total);
     let scenes = source::load_all(&args.scenes, LoadOptions { colour: settings.sim.colour.is_on() }, on_scene);

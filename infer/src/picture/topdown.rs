@@ -4,7 +4,8 @@ use super::frame::Frame;
 use super::{Rgb, colour};
 use glam::{Vec2, Vec3};
 use nbp_env::map::{Cell, MapView, OccupancyGrid, occupancy};
-use nbp_env::{Episode, LatticePose};
+use nbp_env::{Episode, Pose};
+use std::f32::consts::{PI, TAU};
 
 /// Longer side of the map to aim at, pixels.
 const TARGET: f32 = 1000.0;
@@ -28,8 +29,7 @@ impl Plan {
     fn of(episode: &Episode) -> Self {
         let scene = episode.world().scene();
         let ends = scene.walls().iter().flatten().copied();
-        let lattice = scene.lattice();
-        let path = episode.view().history().iter().map(|pose| flat(lattice.position(pose.node)));
+        let path = episode.track().iter().map(|pose| flat(pose.position));
         let points = ends.chain(path);
         let [low, high] = points.fold([Vec2::INFINITY, Vec2::NEG_INFINITY], |[l, h], p| [l.min(p), h.max(p)]);
         let (low, high) = (low - MARGIN, high + MARGIN);
@@ -65,8 +65,8 @@ pub fn topdown(episode: &Episode, title: &str) -> Rgb {
     draw_free(&mut image, &plan, view.occupancy());
     draw_points(&mut image, &plan, &view);
     draw_walls(&mut image, &plan, episode);
-    draw_path(&mut image, &plan, &view);
-    draw_ends(&mut image, &plan, &view);
+    draw_path(&mut image, &plan, episode);
+    draw_ends(&mut image, &plan, episode.track());
     plan.frame.head(&mut image, title, &facts(episode));
     plan.frame.foot(&mut image, plan.scale, episode.steps());
     image
@@ -156,34 +156,53 @@ fn share(n: usize, poses: usize) -> f32 {
     n as f32 / (poses.max(2) - 1) as f32
 }
 
-fn draw_path(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
-    let history = view.history();
-    let at = |pose: &LatticePose| plan.pixel(flat(view.lattice().position(pose.node)));
+/// In the continuous world a heading is drawn once the agent is so far from the last one drawn, metres and radians: one
+/// for each motion would hide the map.
+const APART: [f32; 2] = [0.5, 0.7];
+
+/// Steps whose headings are drawn.
+fn marks(episode: &Episode) -> Vec<usize> {
+    let track = episode.track();
+    let mut marks: Vec<usize> = Vec::new();
+    for (n, pose) in track.iter().enumerate() {
+        let is_apart = marks.last().is_none_or(|&last| {
+            let turned = (pose.azimuth - track[last].azimuth + PI).rem_euclid(TAU) - PI;
+            pose.position.distance(track[last].position) >= APART[0] || turned.abs() >= APART[1]
+        });
+        if is_apart || !episode.is_continuous() {
+            marks.push(n);
+        }
+    }
+    marks
+}
+
+fn draw_path(image: &mut Rgb, plan: &Plan, episode: &Episode) {
+    let track = episode.track();
+    let at = |pose: &Pose| plan.pixel(flat(pose.position));
     let width = (0.11 * plan.scale).clamp(2.4, 4.5);
-    for pair in history.windows(2).filter(|pair| pair[0].node != pair[1].node) {
+    for pair in track.windows(2).filter(|pair| pair[0].position != pair[1].position) {
         image.line(at(&pair[0]), at(&pair[1]), width + 3.0, colour::BACKGROUND, 0.55);
     }
-    for (n, pair) in history.windows(2).enumerate().filter(|(_, pair)| pair[0].node != pair[1].node) {
-        image.line(at(&pair[0]), at(&pair[1]), width, colour::time(share(n + 1, history.len())), 1.0);
+    for (n, pair) in track.windows(2).enumerate().filter(|(_, pair)| pair[0].position != pair[1].position) {
+        image.line(at(&pair[0]), at(&pair[1]), width, colour::time(share(n + 1, track.len())), 1.0);
     }
     let metre = plan.scale.clamp(24.0, 48.0);
-    for (n, pose) in history.iter().enumerate() {
-        let azimuth = pose.heading.azimuth();
+    for n in marks(episode) {
+        let Pose { azimuth, .. } = track[n];
         // On the picture `+x` is left and `+z` up.
         let (ahead, aside) = (Vec2::new(-azimuth.sin(), -azimuth.cos()), Vec2::new(azimuth.cos(), -azimuth.sin()));
-        let middle = at(pose);
+        let middle = at(&track[n]);
         let base = middle + ahead * 0.24 * metre;
         let corners = [middle + ahead * 0.58 * metre, base + aside * 0.15 * metre, base - aside * 0.15 * metre];
-        let ink = colour::time(share(n, history.len()));
+        let ink = colour::time(share(n, track.len()));
         image.triangle(corners, ink, 0.9);
         image.disc(middle, 0.11 * metre, ink, 1.0);
     }
 }
 
-fn draw_ends(image: &mut Rgb, plan: &Plan, view: &MapView<'_>) {
-    let history = view.history();
-    let (Some(first), Some(last)) = (history.first(), history.last()) else { return };
-    let at = |pose: &LatticePose| plan.pixel(flat(view.lattice().position(pose.node)));
+fn draw_ends(image: &mut Rgb, plan: &Plan, track: &[Pose]) {
+    let (Some(first), Some(last)) = (track.first(), track.last()) else { return };
+    let at = |pose: &Pose| plan.pixel(flat(pose.position));
     let unit = plan.frame.unit;
     let radius = (0.3 * plan.scale).clamp(6.0, 10.0) * unit;
     for (pose, time, name, below) in [(first, 0.0, "start", false), (last, 1.0, "end", true)] {
@@ -214,7 +233,7 @@ fn for_map_pixels(image: &mut Rgb, plan: &Plan, mut draw: impl FnMut(&mut Rgb, u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nbp_env::{Action, Direction, Heading, Node, Scene, SeedTree, SimConfig, World};
+    use nbp_env::{Action, Direction, Heading, LatticePose, Node, Scene, SeedTree, SimConfig, World};
     use std::sync::Arc;
 
     #[test]
