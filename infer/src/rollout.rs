@@ -158,9 +158,9 @@ pub fn run_episode(
         bumps: episode.bumps(),
         path_length: episode.path_length(),
         decision_ms: 1e3 * deciding / decisions.max(1) as f64,
-        completion: episode
-            .is_continuous()
-            .then(|| Completion::published(world.surface().points(), &episode.view().cloud().iter().collect::<Vec<_>>())),
+        completion: episode.is_continuous().then(|| {
+            Completion::published(world.surface().points(), &episode.view().cloud().iter().collect::<Vec<_>>())
+        }),
         poses: episode.view().history().to_vec(),
     };
     Ok(Rollout { record, episode })
