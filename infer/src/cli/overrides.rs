@@ -34,7 +34,7 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
                 _ => bail!("{name}: there is no {key} in a configuration, only sim, policy, eval and what train reads"),
             }
         }
-        serde_json::from_value::<Settings>(tree.clone()).with_context(|| format!("the configuration {name}"))?;
+        tree = spelt_out(tree).with_context(|| format!("the configuration {name}"))?;
     }
     for text in overrides {
         let Some((key, value)) = text.split_once('=') else {
@@ -42,11 +42,16 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
         };
         let at = find(&mut tree, key.trim())?;
         *at = serde_json::from_str(value.trim()).unwrap_or_else(|_| Value::String(value.trim().to_owned()));
-        serde_json::from_value::<Settings>(tree.clone()).with_context(|| format!("--set {text}"))?;
+        tree = spelt_out(tree).with_context(|| format!("--set {text}"))?;
     }
     let settings: Settings = serde_json::from_value(tree)?;
     settings.sim.validate()?;
     Ok((settings, serde_json::from_value(Value::Object(eval)).context("[eval] of the configuration")?))
+}
+
+/// The same settings with every default written down, so that the next override finds its key.
+fn spelt_out(tree: Value) -> Result<Value> {
+    Ok(serde_json::to_value(serde_json::from_value::<Settings>(tree)?)?)
 }
 
 /// Tables merge key by key, everything else is replaced; so is a table that says which kind or rule it is, whose keys
