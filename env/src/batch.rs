@@ -3,8 +3,9 @@
 //! Episodes run in parallel on the thread pool and share their worlds; what happens in one does not depend on the others
 //! or on the number of threads.
 
-use crate::episode::{Action, Episode, StepOutcome, World};
+use crate::episode::{Action, Episode, StepOutcome};
 use crate::seed::SeedTree;
+use crate::world::World;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -86,7 +87,7 @@ fn round_of(seeds: SeedTree, number: usize, round: u64) -> SeedTree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::SimConfig;
+    use crate::config::SimConfig;
     use crate::pose::Heading;
     use crate::scene::Scene;
     use crate::sensor::Camera;

@@ -22,6 +22,7 @@ pub mod policy;
 
 pub mod batch;
 pub mod check;
+pub mod config;
 pub mod episode;
 pub mod explain;
 pub mod label;
@@ -33,8 +34,10 @@ pub mod pilot;
 pub mod ply;
 pub mod visibility;
 pub mod visible;
+pub mod world;
 
-pub use episode::{Action, Episode, SimConfig, World};
+pub use config::SimConfig;
+pub use episode::{Action, Episode};
 pub use map::MapView;
 pub use motion::{Agent, Motion, MotionConfig};
 pub use policy::Policy;
@@ -43,3 +46,4 @@ pub use predict::{EncoderInput, ObstacleMap, PredictError, Prediction, Predictor
 pub use scene::Scene;
 pub use seed::{Rng, SeedTree};
 pub use window::Window;
+pub use world::World;

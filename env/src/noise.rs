@@ -120,10 +120,12 @@ fn normals(rng: &mut Rng) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{Action, Episode, SimConfig, World};
+    use crate::config::SimConfig;
+    use crate::episode::{Action, Episode};
     use crate::motion::{Agent, Motion, MotionConfig};
     use crate::pose::{Direction, Heading};
     use crate::scene::Scene;
+    use crate::world::World;
     use std::sync::Arc;
 
     const CAMERA: Camera = Camera { width: 200, height: 100, hfov_degrees: 90.0, range: 35.0 };

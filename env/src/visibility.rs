@@ -5,10 +5,10 @@
 //! computed when they are first asked for, from any thread.
 
 use crate::coverage::Coverage;
-use crate::episode::World;
 use crate::pose::{HEADINGS, Lattice, LatticePose};
-use crate::sensor::{Frame, Sensor as _};
+use crate::sensor::Frame;
 use crate::visible::visible_points;
+use crate::world::World;
 use glam::Vec3;
 use std::cell::RefCell;
 use std::sync::OnceLock;
@@ -188,7 +188,7 @@ fn spread_bits(value: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::SimConfig;
+    use crate::config::SimConfig;
     use crate::pose::{Heading, Node};
     use crate::scene::Scene;
     use crate::sensor::Camera;

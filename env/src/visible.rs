@@ -1,8 +1,8 @@
 //! How much of a scene's surface can be seen at all: the most that any policy can cover, and a second denominator for
 //! those who want one.
 
+use crate::config::SimConfig;
 use crate::coverage::{Coverage, Surface};
-use crate::episode::SimConfig;
 use crate::pose::{Heading, LatticePose};
 use crate::scene::Scene;
 use crate::sensor::{Camera, DepthCamera, Frame, Sensor as _};
@@ -46,7 +46,7 @@ pub fn visible_share(scene: &Scene, config: &SimConfig) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::World;
+    use crate::world::World;
 
     #[test]
     fn what_is_visible_is_what_all_poses_see_on_any_number_of_threads() {

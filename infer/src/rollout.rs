@@ -1,8 +1,8 @@
 //! One episode of one policy: the loop `look → act → step`, and what is written down of it.
 
 use nbp_env::completion::Completion;
-use nbp_env::episode::StartError;
 use nbp_env::policy::{PolicyError, decide};
+use nbp_env::world::StartError;
 use nbp_env::{Episode, LatticePose, Policy, SeedTree, World, metrics};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -3,7 +3,7 @@
 use crate::registry::{self, PolicyContext, PolicyKind, RegistryError};
 use crate::rollout::{Rollout, RolloutError, Trial, run_episode};
 use nbp_env::coverage::Coverage;
-use nbp_env::sensor::{Frame, Sensor as _};
+use nbp_env::sensor::Frame;
 use nbp_env::{Episode, World};
 use serde::Serialize;
 use std::hint::black_box;

@@ -3,11 +3,12 @@
 use crate::config::CollectConfig;
 use crate::interrupt;
 use crate::memory::PackedSample;
-use nbp_env::episode::{Episode, StartError, World};
+use nbp_env::episode::Episode;
 use nbp_env::label::{Sample, Waypoint, value_labels};
 use nbp_env::parallel::try_map;
 use nbp_env::policy::nbp::{Nbp, Passability};
 use nbp_env::policy::{Plan, PolicyError};
+use nbp_env::world::{StartError, World};
 use nbp_env::{Heading, LatticePose, Policy, Predictor, SeedTree};
 use rand::RngExt as _;
 use std::sync::Arc;

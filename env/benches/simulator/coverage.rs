@@ -5,7 +5,7 @@ use crate::house::House;
 use crate::scenes::Dice;
 use glam::Vec3;
 use nbp_env::coverage::{Coverage, CoverageConfig, Surface};
-use nbp_env::sensor::{Frame, Sensor as _};
+use nbp_env::sensor::Frame;
 use serde_json::{Value, json};
 use std::error::Error;
 

@@ -2,7 +2,7 @@
 
 use crate::clock::{Effort, Times, seconds};
 use crate::house::House;
-use nbp_env::sensor::{Frame, Sensor as _};
+use nbp_env::sensor::Frame;
 use nbp_env::{Action, Episode};
 use serde_json::{Value, json};
 use std::error::Error;

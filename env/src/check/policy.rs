@@ -1,9 +1,10 @@
 //! Whether a policy forgets what it must, takes its chance from where it must, and learns from walls.
 
 use super::Fault;
-use crate::episode::{Action, Episode, World};
+use crate::episode::{Action, Episode};
 use crate::policy::Policy;
 use crate::seed::SeedTree;
+use crate::world::World;
 use std::sync::Arc;
 
 /// Episodes for which a policy is tried, and their steps.
@@ -60,7 +61,7 @@ fn rollout(
 mod tests {
     use super::super::tests::SMALL;
     use super::*;
-    use crate::episode::SimConfig;
+    use crate::config::SimConfig;
     use crate::map::MapView;
     use crate::policy::{PolicyError, fbe::Fbe, random::Random};
     use crate::pose::{Direction, Heading};

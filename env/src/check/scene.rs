@@ -1,7 +1,7 @@
 //! What one wants to know of a scene of one's own before a policy runs in it.
 
 use super::{Escape, Fault};
-use crate::episode::SimConfig;
+use crate::config::SimConfig;
 use crate::pose::Lattice;
 use crate::scene::Scene;
 use crate::visible::visible_share;

@@ -3,10 +3,12 @@
 pub mod cloud;
 pub mod density;
 pub mod grid;
+pub mod kept;
 pub mod occupancy;
 
 pub use cloud::Cloud;
 pub use density::{DensityGrid, Layers};
+pub use kept::Kept;
 pub use occupancy::{Cell, OccupancyGrid};
 
 use crate::pose::{Lattice, LatticePose, Node, Pose};
@@ -80,15 +82,6 @@ impl AgentMap {
     pub fn bump(&mut self, from: Node, to: Node) {
         *self.blocked.entry(edge(from, to)).or_default() += 1;
     }
-}
-
-/// What is kept of one frame.
-#[derive(Debug, Default)]
-pub struct Kept {
-    /// Places of the pixels in the frame, ascending.
-    pub pixels: Vec<u32>,
-    /// The points that they show, metres.
-    pub points: Vec<Vec3>,
 }
 
 /// An edge without direction.

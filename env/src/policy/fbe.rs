@@ -238,10 +238,11 @@ fn neighbours_8([x, z]: CellIndex) -> [CellIndex; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{SimConfig, World};
+    use crate::config::SimConfig;
     use crate::policy::random::Random;
     use crate::policy::tests::explore;
     use crate::scene::Scene;
+    use crate::world::World;
     use std::sync::Arc;
 
     #[test]

@@ -108,8 +108,8 @@ fn turn_on_the_spot(view: &MapView<'_>, rng: &mut Rng) -> Action {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::World;
     use crate::seed::SeedTree;
+    use crate::world::World;
     use std::sync::Arc;
 
     /// The episode of a policy from a start, to its end.

@@ -2,7 +2,7 @@
 
 use super::{DOUBTFUL_PRICE, Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::encode::{Trajectory, encode};
-use crate::episode::{Action, World};
+use crate::episode::Action;
 use crate::goal::{Candidate, GoalRule};
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, occupancy};
@@ -10,6 +10,7 @@ use crate::path::ShortestPaths;
 use crate::pose::{Heading, LatticePose, Node};
 use crate::predict::{EncoderInput, Prediction, Predictor};
 use crate::seed::Rng;
+use crate::world::World;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -246,7 +247,8 @@ impl Policy for Nbp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{Episode, SimConfig};
+    use crate::config::SimConfig;
+    use crate::episode::Episode;
     use crate::policy::tests::explore;
     use crate::predict::{ObstacleMap, PredictError, ValueMap};
     use crate::scene::Scene;

@@ -1,7 +1,7 @@
 //! `oracle-obstacles`: a predictor whose obstacle map is the true one (paper, section 5.3, Table 4).
 
-use crate::episode::World;
 use crate::predict::{EncoderInput, ObstacleMap, PredictError, Prediction, Predictor};
+use crate::world::World;
 use std::sync::Arc;
 
 /// Wraps a predictor and replaces its obstacle maps by the ground truth of one world.

@@ -4,12 +4,13 @@
 //! between add is neither predicted nor counted.
 
 use super::{Plan, Policy, PolicyError, action_towards};
-use crate::episode::{Action, World};
+use crate::episode::Action;
 use crate::map::MapView;
 use crate::path::ShortestPaths;
 use crate::pose::{Heading, LatticePose};
 use crate::seed::Rng;
 use crate::visibility::PointSet;
+use crate::world::World;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -35,8 +36,6 @@ pub struct OracleSearch {
     world: Arc<World>,
     config: SearchConfig,
     covered: PointSet,
-    /// Poses of the episode that are in `covered`.
-    counted: usize,
     plan: Option<Plan>,
 }
 
@@ -53,7 +52,7 @@ struct Way {
 impl OracleSearch {
     /// A policy for one world, of which it knows everything.
     pub fn new(world: Arc<World>, config: SearchConfig) -> Self {
-        Self { covered: world.visibility().nothing(), world, config, counted: 0, plan: None }
+        Self { covered: world.visibility().nothing(), world, config, plan: None }
     }
 
     /// The best way of at most `depth` steps; `None` where no step adds anything.
@@ -119,15 +118,13 @@ impl Policy for OracleSearch {
     }
 
     fn begin(&mut self) {
-        (self.covered, self.counted, self.plan) = (self.world.visibility().nothing(), 0, None);
+        (self.covered, self.plan) = (self.world.visibility().nothing(), None);
     }
 
     fn act(&mut self, view: &MapView<'_>, _: &mut Rng) -> Result<Action, PolicyError> {
-        for &pose in &view.history()[self.counted..] {
-            self.world.visibility().cover(pose, &mut self.covered);
-        }
-        self.counted = view.history().len();
+        // Where an action has led: between two of them, a continuous agent looks otherwise than any lattice pose.
         let here = view.pose();
+        self.world.visibility().cover(here, &mut self.covered);
         let path = self.search(here).unwrap_or_else(|| self.walk_to_nearest(here));
         let next = path.first().copied().unwrap_or(here);
         self.plan = Some(Plan { made_at: view.step(), path, thought: None });
@@ -142,7 +139,8 @@ impl Policy for OracleSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::{Episode, SimConfig};
+    use crate::config::SimConfig;
+    use crate::episode::Episode;
     use crate::policy::fbe::Fbe;
     use crate::policy::tests::explore;
     use crate::pose::Node;

@@ -88,7 +88,8 @@ pub enum SceneError {
     /// Nowhere to stand.
     #[error(
         "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane must cut the interior; it \
-         lies above the floor, which camera.x_min[1] in settings.json names"
+         lies above the floor, which camera.x_min[1] in settings.json names, by 1.65 m or agent.camera_height (in scans, at \
+         most 2.65 m)"
     )]
     NoFreePose {
         /// Scene name.

@@ -2,7 +2,7 @@
 
 use super::{MANY, for_all};
 use nbp_env::coverage::CoverageConfig;
-use nbp_env::sensor::{Camera, Frame, Sensor as _};
+use nbp_env::sensor::{Camera, Frame};
 use nbp_env::{Heading, LatticePose, Scene, SimConfig, World};
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;

@@ -1,23 +1,19 @@
-//! One episode: an agent in a scene, a number of steps, and what it has seen.
+//! One episode: an agent in a world, a number of steps, and what it has seen.
 
-use crate::coverage::{Counting, Coverage, CoverageConfig, Surface};
-use crate::encode::{EncodeConfig, encode};
+mod walk;
+
+use crate::coverage::{Counting, Coverage};
+use crate::encode::encode;
 use crate::map::{AgentMap, Kept, MapView};
 use crate::motion::{Agent, Motion, Walker};
-use crate::noise::{NoiseConfig, PoseError};
-use crate::pilot;
-use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node, Pose};
+use crate::noise::PoseError;
+use crate::pose::{Direction, Heading, LatticePose, Pose};
 use crate::predict::EncoderInput;
-use crate::scene::slice::ObstacleGrid;
-use crate::scene::{Scene, SceneError};
-use crate::seed::{Rng, SeedTree};
-use crate::sensor::{Camera, CameraError, Colour, Frame, RgbdCamera, Sensor};
-use crate::visibility::{Visibility, VisibilityCache};
-use glam::Vec3;
-use rand::RngExt as _;
-use rand::seq::IndexedRandom as _;
+use crate::seed::SeedTree;
+use crate::sensor::Frame;
+use crate::world::{StartError, World};
 use serde::{Deserialize, Serialize};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// One step of the lattice agent: stay or move to a neighbour, and look somewhere (paper, section 5.1: 4 moves, 8
 /// headings).
@@ -37,258 +33,6 @@ pub enum Decision {
     /// A motion of the continuous agent.
     Motion(Motion),
 }
-
-/// The simulator's settings, the same for every policy that is compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SimConfig {
-    /// What moves: `kind = "lattice"` or `kind = "continuous"`, with the settings of its motions.
-    pub agent: Agent,
-    /// The depth camera.
-    pub camera: Camera,
-    /// Colours of images and of the cloud: `off`, `nearest` or `bilinear`. Nothing but them depends on it; scenes must be
-    /// loaded with their colours.
-    pub colour: Colour,
-    /// Errors of depths and believed poses, off by default.
-    pub noise: NoiseConfig,
-    /// What the network sees.
-    pub encode: EncodeConfig,
-    /// How coverage is measured.
-    pub coverage: CoverageConfig,
-    /// Share of a frame's pixels that become points, rounded to one in a whole number (released code: 0.05, one in 20).
-    pub keep: f32,
-    /// Captures during a step, the one at its end included (released code: 4). A motion has one.
-    pub captures: usize,
-}
-
-impl Default for SimConfig {
-    fn default() -> Self {
-        Self {
-            agent: Agent::Lattice,
-            camera: Camera::default(),
-            colour: Colour::Off,
-            noise: NoiseConfig::default(),
-            encode: EncodeConfig::default(),
-            coverage: CoverageConfig::default(),
-            keep: 0.05,
-            captures: 4,
-        }
-    }
-}
-
-/// A setting that the simulator cannot work with.
-#[derive(Debug, thiserror::Error)]
-pub enum SimError {
-    /// In the camera.
-    #[error(transparent)]
-    Camera(#[from] CameraError),
-    /// The scene has no room for the agent.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// Nothing to cover.
-    #[error(
-        "scene {scene}: no triangle lies in the box from {low} to {high} m: check scene.x_min, scene.x_max and the units"
-    )]
-    NoSurface {
-        /// Scene name.
-        scene: String,
-        /// Lower corner of its box.
-        low: Vec3,
-        /// Upper corner.
-        high: Vec3,
-    },
-    /// Anywhere else.
-    #[error("sim.{field} is {value}: it must be {want}")]
-    Field {
-        /// Path of the setting.
-        field: &'static str,
-        /// As given.
-        value: String,
-        /// What is accepted.
-        want: &'static str,
-    },
-}
-
-impl SimConfig {
-    /// Checks every setting.
-    ///
-    /// # Errors
-    /// Naming the first setting that is out of range.
-    pub fn validate(&self) -> Result<(), SimError> {
-        self.camera.validate()?;
-        let encode = &self.encode;
-        let pixels = encode.window.pixels;
-        let is_positive = |v: f32| v.is_finite() && v > 0.0;
-        let checks: [(bool, &'static str, String, &'static str); 7] = [
-            (
-                pixels >= 16 && pixels.is_multiple_of(16) && pixels <= 4096,
-                "encode.window.pixels",
-                pixels.to_string(),
-                "a multiple of 16 from 16 to 4096",
-            ),
-            (
-                is_positive(encode.window.metres) && encode.window.metres <= 10_000.0,
-                "encode.window.metres",
-                encode.window.metres.to_string(),
-                "a positive number of metres",
-            ),
-            (
-                (1..=64).contains(&encode.layers.count),
-                "encode.layers.count",
-                encode.layers.count.to_string(),
-                "from 1 to 64",
-            ),
-            (
-                is_positive(encode.layers.top - encode.layers.bottom),
-                "encode.layers.top",
-                encode.layers.top.to_string(),
-                "above encode.layers.bottom",
-            ),
-            (
-                (1..=10_000_000).contains(&self.coverage.points) && (1e-6..=1e3).contains(&self.coverage.epsilon),
-                "coverage",
-                format!("{} points, epsilon {}", self.coverage.points, self.coverage.epsilon),
-                "from 1 to 10,000,000 points and a positive epsilon from 1 µm to 1 km",
-            ),
-            (self.keep > 0.0 && self.keep <= 1.0, "keep", self.keep.to_string(), "above 0 and at most 1"),
-            ((1..=64).contains(&self.captures), "captures", self.captures.to_string(), "from 1 to 64"),
-        ];
-        let motions = match &self.agent {
-            Agent::Lattice => None,
-            Agent::Continuous(config) => config.fault(),
-        };
-        let fault = checks.into_iter().find(|(ok, ..)| !ok).map(|(_, field, value, want)| (field, value, want));
-        match fault.or(motions).or(self.noise.fault()) {
-            Some((field, value, want)) => Err(SimError::Field { field, value, want }),
-            None => Ok(()),
-        }
-    }
-}
-
-/// A scene with all that its episodes share. Built once, used by many threads.
-#[derive(Debug)]
-pub struct World {
-    scene: Scene,
-    surface: Surface,
-    obstacles: ObstacleGrid,
-    sensor: RgbdCamera,
-    config: SimConfig,
-    visibility: OnceLock<VisibilityCache>,
-}
-
-impl World {
-    /// Prepares a scene for episodes, with a lattice laid anew where the agent is continuous.
-    ///
-    /// # Errors
-    /// When a setting is out of range, the scene has no surface to cover, or no room for the agent.
-    pub fn new(scene: Scene, config: &SimConfig) -> Result<Self, SimError> {
-        config.validate()?;
-        let scene = match &config.agent {
-            Agent::Lattice => scene,
-            Agent::Continuous(agent) => scene.for_robot(agent.camera_height, agent.lattice_step, agent.clearance())?,
-        };
-        let surface = Surface::of(&scene, &config.coverage);
-        if surface.is_empty() {
-            let [low, high] = scene.bounds();
-            return Err(SimError::NoSurface { scene: scene.name().into(), low, high });
-        }
-        Ok(Self {
-            surface,
-            obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
-            sensor: RgbdCamera { camera: config.camera, colour: config.colour },
-            config: config.clone(),
-            visibility: OnceLock::new(),
-            scene,
-        })
-    }
-
-    /// The scene.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
-    /// Ground-truth surface points.
-    pub fn surface(&self) -> &Surface {
-        &self.surface
-    }
-
-    /// Ground-truth obstacles of the camera plane.
-    pub fn obstacles(&self) -> &ObstacleGrid {
-        &self.obstacles
-    }
-
-    /// A pose drawn from the nodes of the largest connected component and all headings: where [`Episode::reset`] starts.
-    pub fn random_start(&self, seed: SeedTree) -> LatticePose {
-        let mut rng = seed.child("start", 0).rng();
-        // A scene without a free node is refused, so the first start is never asked for.
-        let nodes = self.scene.graph().largest_component();
-        let node = nodes.choose(&mut rng).copied().unwrap_or(self.scene.starts()[0].node);
-        LatticePose { node, heading: Heading::new(rng.random_range(0..HEADINGS)) }
-    }
-
-    /// Whether an agent can stand there.
-    ///
-    /// # Errors
-    /// Naming the node that is outside the lattice or not free.
-    pub fn check_start(&self, LatticePose { node, .. }: LatticePose) -> Result<(), StartError> {
-        let (scene, lattice) = (self.scene.name(), self.scene.lattice());
-        if !lattice.contains(node) {
-            return Err(StartError::Outside { scene: scene.into(), node, size: lattice.size });
-        }
-        match self.scene.graph().is_free(node) {
-            true => Ok(()),
-            false => Err(StartError::Blocked { scene: scene.into(), node, position: lattice.position(node) }),
-        }
-    }
-
-    /// What its lattice poses see. Nothing is computed before it is asked for.
-    pub fn visibility(&self) -> Visibility<'_> {
-        let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice());
-        Visibility::new(self, self.visibility.get_or_init(new))
-    }
-
-    /// The camera.
-    pub fn sensor(&self) -> &RgbdCamera {
-        &self.sensor
-    }
-
-    /// Settings.
-    pub fn config(&self) -> &SimConfig {
-        &self.config
-    }
-}
-
-/// A start pose where no agent can stand.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum StartError {
-    /// Not a node of the lattice.
-    #[error(
-        "scene {scene}: start ({}, {}) is outside the lattice, which has nodes from (0, 0) to ({}, {}): take one of \
-         Scene::starts or World::random_start", node.i, node.k, size[0] - 1, size[1] - 1
-    )]
-    Outside {
-        /// Scene name.
-        scene: String,
-        /// As given.
-        node: Node,
-        /// Nodes along `x` and `z`.
-        size: [i32; 2],
-    },
-    /// A node that is not free.
-    #[error(
-        "scene {scene}: start ({}, {}) at {position:.2} m is in a wall or outside the building: take one of Scene::starts \
-         or World::random_start", node.i, node.k
-    )]
-    Blocked {
-        /// Scene name.
-        scene: String,
-        /// As given.
-        node: Node,
-        /// Where the camera would be, metres.
-        position: Vec3,
-    },
-}
-
 /// What a step did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepOutcome {
@@ -396,16 +140,16 @@ impl Episode {
 
     /// `start` is free. `frame` lends its memory.
     fn begin(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree, frame: Frame) -> Self {
-        let encode = &world.config.encode;
-        let map = AgentMap::new(encode.window, encode.layers, world.scene.floor());
-        let pose = world.scene.lattice().pose(start);
-        let walker = match world.config.agent {
+        let encode = &world.config().encode;
+        let map = AgentMap::new(encode.window, encode.layers, world.scene().floor());
+        let pose = world.scene().lattice().pose(start);
+        let walker = match world.config().agent {
             Agent::Lattice => None,
             Agent::Continuous(config) => Some(Walker::new(config, pose)),
         };
         let mut episode = Self {
             map,
-            coverage: Coverage::new(&world.surface),
+            coverage: Coverage::new(world.surface()),
             pose: start,
             walker,
             track: Vec::new(),
@@ -466,15 +210,15 @@ impl Episode {
         self.step += 1;
         let node = action.direction.map_or(self.pose.node, |direction| self.pose.node.step(direction));
         let is_stay = action.direction.is_none();
-        let bumped = !is_stay && !self.world.scene.graph().is_passable(self.pose.node, node);
+        let bumped = !is_stay && !self.world.scene().graph().is_passable(self.pose.node, node);
         if bumped {
             self.map.bump(self.pose.node, node);
             self.bumps += 1;
         } else {
             let target = LatticePose { node, heading: action.heading };
-            let lattice = *self.world.scene.lattice();
+            let lattice = *self.world.scene().lattice();
             let (from, to) = (lattice.pose(self.pose), lattice.pose(target));
-            let captures = self.world.config.captures;
+            let captures = self.world.config().captures;
             for n in 1..=captures {
                 self.capture(&from.interpolate(&to, n as f32 / captures as f32), n);
             }
@@ -485,72 +229,6 @@ impl Episode {
         bumped
     }
 
-    /// An action as motions; tells whether one was blocked.
-    fn walk(&mut self, action: Action) -> bool {
-        let (from, before) = (self.pose.node, self.step);
-        let to = action.direction.map(|direction| from.step(direction));
-        // By way of its own node, to which the way is free: after a bump the agent stands beside it.
-        let bumped = to.is_some_and(|to| !(self.walk_to(from) && self.walk_to(to)));
-        if let Some(to) = to.filter(|&to| bumped && to != self.pose.node) {
-            self.map.bump(from, to);
-        }
-        let next_turn = |episode: &Self| pilot::turn_to(episode.walker.as_ref()?, action.heading.azimuth());
-        while !bumped
-            && !self.is_over()
-            && let Some(turn) = next_turn(self)
-        {
-            self.perform(Some(turn));
-        }
-        if self.step == before {
-            self.perform(None);
-        }
-        bumped
-    }
-
-    /// Walks to a node until there, or over; `false` if the way is blocked.
-    fn walk_to(&mut self, node: Node) -> bool {
-        let goal = self.world.scene.lattice().position(node);
-        while !self.is_over()
-            && let Some(motion) = self.walker.as_ref().and_then(|walker| pilot::towards(walker, goal))
-        {
-            if !self.perform(Some(motion)) {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// One step of the continuous agent, standing for `None`; tells whether it was possible.
-    fn perform(&mut self, motion: Option<Motion>) -> bool {
-        self.step += 1;
-        let Some(mut walker) = self.walker else {
-            self.bumps += 1;
-            self.arrive();
-            return false;
-        };
-        let from = walker.pose().position;
-        let moved = motion.is_none_or(|motion| walker.attempt(motion, self.world.scene.rays()));
-        let pose = walker.pose();
-        self.walker = Some(walker);
-        self.bumps += usize::from(!moved);
-        self.path_length += from.distance(pose.position);
-        self.pose = self.nearest(&walker);
-        self.capture(&pose, 1);
-        self.arrive();
-        moved
-    }
-
-    /// The nearest lattice pose to which the way is free; on the other side of a wall there is none, and the node stays.
-    fn nearest(&self, walker: &Walker) -> LatticePose {
-        let (scene, Pose { position, azimuth }) = (&self.world.scene, walker.pose());
-        let node = scene.lattice().nearest(position);
-        let place = scene.lattice().position(node);
-        let is_there = position.distance(place) <= pilot::arrival_distance(walker.config());
-        let can_go = || !scene.rays().is_near(position, place, walker.config().radius);
-        let node = if node == self.pose.node || is_there || can_go() { node } else { self.pose.node };
-        LatticePose { node, heading: Heading::towards(azimuth.sin(), azimuth.cos()) }
-    }
-
     /// Whether all steps are spent.
     pub fn is_over(&self) -> bool {
         self.step >= self.horizon
@@ -559,12 +237,12 @@ impl Episode {
     /// What a policy may look at.
     pub fn view(&self) -> MapView<'_> {
         let camera = self.believed(&self.camera());
-        MapView::new(&self.map, self.world.scene.lattice(), self.pose, camera, self.step, self.horizon)
+        MapView::new(&self.map, self.world.scene().lattice(), self.pose, camera, self.step, self.horizon)
     }
 
     /// The network's input at the current pose.
     pub fn encode(&self) -> EncoderInput {
-        encode(&self.view(), self.world.config.encode.trajectory)
+        encode(&self.view(), self.world.config().encode.trajectory)
     }
 
     /// The world it takes place in.
@@ -584,7 +262,7 @@ impl Episode {
 
     /// Where its camera truly is.
     pub fn camera(&self) -> Pose {
-        self.walker.as_ref().map_or_else(|| self.world.scene.lattice().pose(self.pose), Walker::pose)
+        self.walker.as_ref().map_or_else(|| self.world.scene().lattice().pose(self.pose), Walker::pose)
     }
 
     /// Where its camera truly was at the start and after each step.
@@ -629,8 +307,8 @@ impl Episode {
     fn arrive(&mut self) {
         self.map.arrive(self.pose);
         self.track.push(self.camera());
-        let surface = &self.world.surface;
-        let covered = match self.world.config.coverage.counting {
+        let surface = self.world.surface();
+        let covered = match self.world.config().coverage.counting {
             Counting::Exact => self.coverage.covered(),
             Counting::AsReleased => {
                 let mut rng = self.sampling.child("step", self.step as u64).rng();
@@ -652,40 +330,28 @@ impl Episode {
 
     fn capture(&mut self, pose: &Pose, number: usize) {
         let world = Arc::clone(&self.world);
-        let camera = world.sensor.camera();
-        world.sensor.capture(&world.scene, pose, &mut self.frame);
+        let camera = world.sensor().camera();
+        world.sensor().capture(world.scene(), pose, &mut self.frame);
         // By step and capture, so that policies that took different ways still keep the same pixels and meet the same errors.
         let stream = |tree: SeedTree| tree.child("step", self.step as u64).child("capture", number as u64);
         let (mut pixels, noise) = (stream(self.pixels).rng(), stream(self.noise));
-        world.config.noise.disturb(&mut self.frame, camera, noise);
-        self.error = world.config.noise.pose_error(noise);
+        world.config().noise.disturb(&mut self.frame, camera, noise);
+        self.error = world.config().noise.pose_error(noise);
         let pose = &self.believed(pose);
-        let kept = keep_points(camera, pose, &self.frame, world.config.keep, &mut pixels);
-        self.coverage.add(&world.surface, &kept.points, self.step as u32);
+        let kept = Kept::draw(camera, pose, &self.frame, world.config().keep, &mut pixels);
+        self.coverage.add(world.surface(), &kept.points, self.step as u32);
         self.map.integrate(camera, pose, &self.frame, &kept);
     }
-}
-
-/// A random share of a frame's valid pixels: one pixel at random out of each run of `1 / keep`.
-fn keep_points(camera: &Camera, pose: &Pose, frame: &Frame, keep: f32, rng: &mut Rng) -> Kept {
-    let run = (1.0 / keep).round().max(1.0) as usize;
-    let eye = camera.at(pose);
-    let most = frame.depth.len() / run + 1;
-    let mut kept = Kept { pixels: Vec::with_capacity(most), points: Vec::with_capacity(most) };
-    for begin in (0..frame.depth.len()).step_by(run) {
-        let index = begin + rng.random_range(0..run);
-        if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0) {
-            kept.pixels.push(index as u32);
-            kept.points.push(eye.unproject(index % frame.width, index / frame.width, depth));
-        }
-    }
-    kept
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::SimConfig;
+    use crate::coverage::CoverageConfig;
     use crate::map::Cloud;
+    use crate::scene::Scene;
+    use crate::sensor::Colour;
 
     fn world() -> Arc<World> {
         Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap())
@@ -786,22 +452,6 @@ mod tests {
     }
 
     #[test]
-    fn nobody_starts_in_a_wall() {
-        let (mesh, mut settings) = crate::scene::two_rooms();
-        settings.camera.pose_l = 10;
-        let world = Arc::new(World::new(Scene::new("rooms", mesh, &settings).unwrap(), &SimConfig::default()).unwrap());
-        let begin = |start| Episode::new(Arc::clone(&world), start, 3, SeedTree::new(1));
-        let error = begin(start(10, 2)).err().unwrap().to_string();
-        assert!(error.contains("rooms: start (10, 2) is outside the lattice") && error.contains("(9, 5)"), "{error}");
-        let error = begin(start(9, 2)).err().unwrap().to_string();
-        assert!(error.contains("start (9, 2) at [14.25, 1.65, 3.75] m is in a wall or outside"), "{error}");
-        let mut episode = begin(start(1, 2)).unwrap();
-        episode.step(Action { direction: None, heading: Heading::new(1) });
-        assert!(episode.reset_at(start(-1, 0), SeedTree::new(1)).is_err());
-        assert_eq!(episode.steps(), 1, "it stays as it was");
-    }
-
-    #[test]
     fn the_released_counting_reads_lower() {
         let mut config = SimConfig::default();
         let mut last = |counting| {
@@ -815,14 +465,5 @@ mod tests {
         };
         let (exact, released) = (last(Counting::Exact), last(Counting::AsReleased));
         assert!(released < exact && released > 0.7 * exact, "{released} {exact}");
-    }
-
-    #[test]
-    fn out_of_range_settings_are_named() {
-        let mut config = SimConfig::default();
-        config.encode.window.pixels = 100;
-        assert!(config.validate().unwrap_err().to_string().contains("encode.window.pixels"));
-        let config = SimConfig { keep: 0.0, ..SimConfig::default() };
-        assert!(config.validate().unwrap_err().to_string().contains("keep"));
     }
 }
