@@ -1,9 +1,9 @@
-//! Many episodes at once, for those who bring their own learner: `reset`, `step`, one action for each episode.
+//! Many episodes at once, for those who bring their own learner: `reset`, `step`, one decision for each episode.
 //!
 //! Episodes run in parallel on the thread pool and share their worlds; what happens in one does not depend on the others
 //! or on the number of threads.
 
-use crate::episode::{Action, Episode, StepOutcome};
+use crate::episode::{Decision, Episode, StepOutcome};
 use crate::seed::SeedTree;
 use crate::world::World;
 use rayon::prelude::*;
@@ -25,12 +25,12 @@ pub struct EpisodeBatch {
 #[error("a batch needs at least one world and one episode")]
 pub struct EmptyBatch;
 
-/// There must be one action for each episode.
+/// There must be one decision for each episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{actions} actions for {episodes} episodes")]
-pub struct ActionCount {
+#[error("{decisions} decisions for {episodes} episodes")]
+pub struct DecisionCount {
     /// As given.
-    pub actions: usize,
+    pub decisions: usize,
     /// As needed.
     pub episodes: usize,
 }
@@ -49,15 +49,20 @@ impl EpisodeBatch {
         Ok(Self { episodes: (0..count).into_par_iter().map(begin).collect(), seeds, rounds: vec![0; count] })
     }
 
-    /// Performs one action in each episode.
+    /// Performs one decision in each episode: an [`Action`](crate::Action), a [`Motion`](crate::Motion), or what
+    /// [`decide`](crate::policy::decide) said. In the continuous world an action may take many steps, a motion takes one.
     ///
     /// # Errors
-    /// When there are more or fewer actions than episodes.
-    pub fn step(&mut self, actions: &[Action]) -> Result<Vec<StepOutcome>, ActionCount> {
-        if actions.len() != self.episodes.len() {
-            return Err(ActionCount { actions: actions.len(), episodes: self.episodes.len() });
+    /// When there are more or fewer decisions than episodes.
+    pub fn step<D: Into<Decision> + Copy + Sync>(
+        &mut self,
+        decisions: &[D],
+    ) -> Result<Vec<StepOutcome>, DecisionCount> {
+        if decisions.len() != self.episodes.len() {
+            return Err(DecisionCount { decisions: decisions.len(), episodes: self.episodes.len() });
         }
-        Ok(self.episodes.par_iter_mut().zip(actions).map(|(episode, &action)| episode.step(action)).collect())
+        let pairs = self.episodes.par_iter_mut().zip(decisions);
+        Ok(pairs.map(|(episode, &decision)| episode.follow(decision.into())).collect())
     }
 
     /// Begins those episodes anew that are over, at other poses, and returns their numbers.
@@ -88,6 +93,9 @@ fn round_of(seeds: SeedTree, number: usize, round: u64) -> SeedTree {
 mod tests {
     use super::*;
     use crate::config::SimConfig;
+    use crate::episode::Action;
+    use crate::motion::{Agent, Motion, MotionConfig};
+    use crate::policy::{Policy as _, decide, random::Random};
     use crate::pose::Heading;
     use crate::scene::Scene;
     use crate::sensor::Camera;
@@ -102,7 +110,7 @@ mod tests {
             for step in 0..6 {
                 let actions: Vec<Action> =
                     (0..5).map(|n| Action { direction: None, heading: Heading::new(n + step) }).collect();
-                assert_eq!(batch.step(&actions[1..]), Err(ActionCount { actions: 4, episodes: 5 }));
+                assert_eq!(batch.step(&actions[1..]), Err(DecisionCount { decisions: 4, episodes: 5 }));
                 let outcomes = batch.step(&actions).unwrap();
                 assert!(outcomes.iter().all(|outcome| outcome.coverage > 0.0));
                 curves.extend(batch.episodes().iter().map(|e| e.curve().to_vec()));
@@ -119,5 +127,29 @@ mod tests {
         assert_eq!(curves, run(3));
         assert_ne!(curves[10], curves[25], "another round begins elsewhere");
         assert!(EpisodeBatch::new(Vec::new(), 1, 1, 0).is_err());
+    }
+
+    #[test]
+    fn a_batch_follows_motions_and_whatever_was_decided() {
+        let camera = Camera { width: 60, height: 34, ..Camera::default() };
+        let agent = Agent::Continuous(MotionConfig::default());
+        let world = World::new(Scene::two_rooms(), &SimConfig { agent, camera, ..SimConfig::default() }).unwrap();
+        let mut batch = EpisodeBatch::new(vec![Arc::new(world)], 2, 4, 7).unwrap();
+        let azimuth = |batch: &EpisodeBatch, n: usize| batch.episodes()[n].camera().azimuth.to_degrees();
+        let before = [0, 1].map(|n| azimuth(&batch, n));
+        batch.step(&[Motion::Left, Motion::Right]).unwrap();
+        for (n, by) in [10.0, -10.0].into_iter().enumerate() {
+            let turned = (azimuth(&batch, n) - before[n] - by).rem_euclid(360.0);
+            assert!(turned.min(360.0 - turned) < 1e-3 && batch.episodes()[n].steps() == 1, "{turned}");
+        }
+        let mut rng = SeedTree::new(1).rng();
+        Random.begin();
+        while !batch.episodes()[0].is_over() {
+            let decisions: Vec<Decision> =
+                batch.episodes().iter().map(|episode| decide(&mut Random, episode, &mut rng).unwrap()).collect();
+            assert!(decisions.iter().all(|decision| matches!(decision, Decision::Motion(_))));
+            batch.step(&decisions).unwrap();
+        }
+        assert_eq!(batch.episodes()[1].steps(), 4);
     }
 }

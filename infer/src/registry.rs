@@ -135,7 +135,7 @@ impl<P: Policy> Policy for Named<P> {
         self.inner.act(view, rng)
     }
 
-    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
+    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Option<Motion>, PolicyError> {
         self.inner.motion(view, rng)
     }
 

@@ -13,7 +13,7 @@ pub use policy::check_policy;
 pub use scene::{check_geometry, check_scene};
 pub use sensor::check_sensor;
 
-use crate::episode::Action;
+use crate::episode::Decision;
 use crate::pose::{LatticePose, Node};
 use glam::{Vec2, Vec3};
 use scene::ROOM_HEIGHT;
@@ -22,12 +22,17 @@ use scene::ROOM_HEIGHT;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// A frame of another size than the camera says.
-    #[error("the frame has {found} depths, but its camera has {expected} pixels")]
+    #[error(
+        "the frame says {} × {} pixels and has {depths} depths, but its camera takes {} × {} pixels",
+        found[0], found[1], expected[0], expected[1]
+    )]
     Size {
-        /// Width times height of the camera.
-        expected: usize,
+        /// Width and height of the camera.
+        expected: [usize; 2],
+        /// Width and height of the frame.
+        found: [usize; 2],
         /// Depths in the frame.
-        found: usize,
+        depths: usize,
     },
     /// A depth that is no distance.
     #[error("depth {depth} at column {col}, row {row}: it must be 0 (nothing) or from the near plane up to {range} m")]
@@ -46,12 +51,31 @@ pub enum Fault {
         "the same pose gives two different frames: draw noise from the pose or a seed, never from a clock or a thread"
     )]
     SensorVaries,
-    /// Most depths are not those of the scene.
+    /// Many depths are not those of the scene.
     #[error(
         "{share:.0} % of the depths are more than 20 % off the distance to the surface along the optical axis: check the \
-         axes, and that depth is not measured along the ray"
+         axes and the units"
     )]
     NotTheScene {
+        /// Percent.
+        share: f32,
+    },
+    /// Depths are distances from the camera's centre.
+    #[error(
+        "the depths are measured along the ray, {along:.3} m off on average, and not along the optical axis, {axial:.3} m \
+         off: divide them by the length of PosedCamera::ray"
+    )]
+    AlongTheRay {
+        /// Mean difference from the distance along the ray, metres.
+        along: f64,
+        /// Mean difference from the distance along the optical axis, metres.
+        axial: f64,
+    },
+    /// Little of what is there has a depth.
+    #[error(
+        "only {share:.0} % of the pixels that show a surface have a depth: check the axes, the range and the units"
+    )]
+    Blind {
         /// Percent.
         share: f32,
     },
@@ -72,9 +96,9 @@ pub enum Fault {
         /// Step of the episode.
         step: usize,
         /// Before.
-        first: Action,
+        first: Decision,
         /// Now.
-        second: Action,
+        second: Decision,
     },
     /// A policy runs into a wall again and again.
     #[error("{count} bumps into the edge from {pose:?}: ask `MapView::bumps` before a move")]

@@ -50,9 +50,12 @@ pub trait Policy: Send {
 
     /// The next motion, for policies that act in motions themselves; asked first in the continuous world. `None` leaves it
     /// to [`Policy::act`], whose actions a pilot carries out.
-    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
+    ///
+    /// # Errors
+    /// When a network fails.
+    fn motion(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Option<Motion>, PolicyError> {
         let _ = (view, rng);
-        None
+        Ok(None)
     }
 
     /// The plan being followed, if the policy plans.
@@ -64,11 +67,23 @@ pub trait Policy: Send {
 /// What a policy wants in an episode: a motion where the agent has them and the policy acts in them, else an action.
 ///
 /// # Errors
-/// As [`Policy::act`].
+/// As [`Policy::motion`] and [`Policy::act`].
 pub fn decide(policy: &mut dyn Policy, episode: &Episode, rng: &mut Rng) -> Result<Decision, PolicyError> {
     let view = episode.view();
-    let motion = if episode.is_continuous() { policy.motion(&view, rng) } else { None };
+    let motion = if episode.is_continuous() { policy.motion(&view, rng)? } else { None };
     motion.map_or_else(|| policy.act(&view, rng).map(Decision::Action), |motion| Ok(Decision::Motion(motion)))
+}
+
+impl From<Action> for Decision {
+    fn from(action: Action) -> Self {
+        Self::Action(action)
+    }
+}
+
+impl From<Motion> for Decision {
+    fn from(motion: Motion) -> Self {
+        Self::Motion(motion)
+    }
 }
 
 /// Price of a move across a wall that was seen: walls nearly along the way look the same on a grid, so such a move is a

@@ -31,7 +31,7 @@ impl Policy for Random {
         })
     }
 
-    fn motion(&mut self, _: &MapView<'_>, rng: &mut Rng) -> Option<Motion> {
-        Motion::ALL.choose(rng).copied()
+    fn motion(&mut self, _: &MapView<'_>, rng: &mut Rng) -> Result<Option<Motion>, PolicyError> {
+        Ok(Motion::ALL.choose(rng).copied())
     }
 }
