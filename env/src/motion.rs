@@ -48,6 +48,8 @@ impl MotionConfig {
     /// The first setting that is out of range: its path, its value and what is accepted.
     pub(crate) fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let checks = [
+            // First: others are measured by it.
+            ((0.05..=10.0).contains(&self.lattice_step), "agent.lattice_step", self.lattice_step, "from 0.05 to 10 m"),
             (
                 (0.001..=self.lattice_step).contains(&self.forward),
                 "agent.forward",
@@ -62,7 +64,6 @@ impl MotionConfig {
                 self.camera_height,
                 "from 0.05 to 10 m",
             ),
-            ((0.05..=10.0).contains(&self.lattice_step), "agent.lattice_step", self.lattice_step, "from 0.05 to 10 m"),
             (
                 (0.0..=0.5 * self.lattice_step).contains(&self.radius),
                 "agent.radius",
@@ -229,6 +230,8 @@ mod tests {
             (MotionConfig { forward: f32::NAN, ..built }, "agent.forward"),
             (MotionConfig { turn_degrees: 90.0, ..built }, "agent.turn_degrees"),
             (MotionConfig { radius: 0.3, ..built }, "agent.radius"),
+            (MotionConfig { lattice_step: 0.0, ..built }, "agent.lattice_step"),
+            (MotionConfig { lattice_step: f32::NAN, ..built }, "agent.lattice_step"),
         ] {
             assert_eq!(config.fault().unwrap().0, field);
         }
