@@ -121,20 +121,20 @@ pub(crate) fn terrain(side: f32, cell: f32, shards: usize, seed: u64) -> Soup {
     soup
 }
 
-/// A ball of `20 · 4^level` triangles of slightly different sizes: closed, and every vertex is shared.
-pub(crate) fn ball(centre: Vec3, radius: f32, rings: u32) -> Soup {
+/// A ball of `4 · rings · (rings - 1)` triangles, closed, every vertex shared. `radius` is asked for each vertex anew.
+pub(crate) fn ball(centre: Vec3, rings: u32, mut radius: impl FnMut() -> f32) -> Soup {
     let mut soup = Soup::default();
     let columns = 2 * rings;
-    soup.0.push(centre + Vec3::Y * radius);
+    soup.0.push(centre + Vec3::Y * radius());
     for ring in 1..rings {
         let polar = ring as f32 / rings as f32 * std::f32::consts::PI;
         for column in 0..columns {
             let turn = column as f32 / columns as f32 * std::f32::consts::TAU;
             let ground = Vec3::new(turn.sin(), 0.0, turn.cos()) * polar.sin();
-            soup.0.push(centre + radius * (ground + Vec3::Y * polar.cos()));
+            soup.0.push(centre + radius() * (ground + Vec3::Y * polar.cos()));
         }
     }
-    soup.0.push(centre - Vec3::Y * radius);
+    soup.0.push(centre - Vec3::Y * radius());
     let last = soup.0.len() as u32 - 1;
     let at = |ring: u32, column: u32| match ring {
         0 => 0,

@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn rays_at_edges_and_corners_of_a_closed_mesh_never_slip_through() {
         let house = index(rooms(12.0, 0.7, 1));
-        let globe = index(ball(Vec3::new(3.0, 1.0, -2.0), 2.0, 24));
+        let globe = index(ball(Vec3::new(3.0, 1.0, -2.0), 24, || 2.0));
         for ((mesh, rays), low, high) in [
             (&house, Vec3::new(0.1, 0.1, 0.1), Vec3::new(11.9, 3.1, 11.9)),
             (&globe, Vec3::new(2.1, 0.1, -2.9), Vec3::new(3.9, 1.9, -1.1)),
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_convex_body_is_crossed_once_from_inside_and_twice_from_outside() {
-        let (mesh, rays) = index(ball(Vec3::ZERO, 1.0, 12));
+        let (mesh, rays) = index(ball(Vec3::ZERO, 12, || 1.0));
         for target in seams(&mesh, 1) {
             let target = target * 0.5;
             assert_eq!(rays.crossings(target, Vec3::new(0.3, 0.4, 0.5)).len(), 1);

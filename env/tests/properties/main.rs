@@ -11,6 +11,9 @@ mod paths;
 mod raster;
 mod refused;
 mod rollouts;
+#[allow(dead_code)]
+#[path = "../../benches/scenes/mod.rs"]
+mod scenes;
 mod visibility;
 mod watertight;
 

@@ -5,30 +5,10 @@ use glam::Vec3;
 use nbp_env::Rng;
 use nbp_env::scene::{Interior, Mesh, RayIndex};
 use rand::RngExt as _;
-use std::f32::consts::{PI, TAU};
 
-/// A ball of triangles around a centre whose corners lie at `radius(number)` from it.
-fn ball(centre: Vec3, rings: u32, mut radius: impl FnMut() -> f32) -> Mesh {
-    let columns = 2 * rings;
-    let mut vertices = vec![centre + Vec3::Y * radius()];
-    for (ring, column) in (1..rings).flat_map(|ring| (0..columns).map(move |column| (ring, column))) {
-        let (polar, turn) = (ring as f32 / rings as f32 * PI, column as f32 / columns as f32 * TAU);
-        let ground = Vec3::new(turn.sin(), 0.0, turn.cos()) * polar.sin();
-        vertices.push(centre + radius() * (ground + Vec3::Y * polar.cos()));
-    }
-    vertices.push(centre - Vec3::Y * radius());
-    let last = vertices.len() as u32 - 1;
-    let at = |ring: u32, column: u32| match ring {
-        0 => 0,
-        ring if ring == rings => last,
-        ring => 1 + (ring - 1) * columns + column % columns,
-    };
-    let mut triangles = Vec::new();
-    for (ring, column) in (0..rings).flat_map(|ring| (0..columns).map(move |column| (ring, column))) {
-        let [a, b] = [at(ring, column), at(ring, column + 1)];
-        let [c, d] = [at(ring + 1, column), at(ring + 1, column + 1)];
-        triangles.extend([[a, c, d], [a, d, b]].into_iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]));
-    }
+/// [`scenes::ball`](super::scenes::ball) as a mesh.
+fn ball(centre: Vec3, rings: u32, radius: impl FnMut() -> f32) -> Mesh {
+    let (vertices, triangles) = super::scenes::ball(centre, rings, radius);
     Mesh::new(vertices, triangles).unwrap()
 }
 
@@ -52,6 +32,9 @@ fn cuboid(centre: Vec3, half: Vec3, cuts: u32) -> Mesh {
     }
     Mesh::new(vertices, triangles).unwrap()
 }
+
+/// Seams drawn for a few of the floor: of the coarsest box, one in forty is.
+const TRIES: usize = 4000;
 
 /// A corner or a point of an edge.
 fn seam(mesh: &Mesh, rng: &mut Rng) -> Vec3 {
@@ -105,13 +88,13 @@ fn what_stands_above_a_seam_of_the_floor_is_inside() {
         };
         let (rays, [low, high]) = (RayIndex::build(&mesh), mesh.bounds());
         let height = high.y - low.y;
-        for _ in 0..8 {
-            let floor = seam(&mesh, rng);
-            let within = ((floor - centre).abs() / (high - low)).cmplt(Vec3::new(0.49, 9.0, 0.49)).all();
-            // Of the lower faces only: their seams lie below the middle, and within the outline.
-            if floor.y > centre.y - 0.1 * height || !within {
-                continue;
-            }
+        let within = |floor: Vec3| ((floor - centre).abs() / (high - low)).cmplt(Vec3::new(0.49, 9.0, 0.49)).all();
+        // Of the lower faces only: their seams lie below the middle, and within the outline.
+        let is_floor = |floor: &Vec3| floor.y <= centre.y - 0.1 * height && within(*floor);
+        let seams = std::iter::repeat_with(|| seam(&mesh, rng)).take(TRIES);
+        let floors: Vec<Vec3> = seams.filter(is_floor).take(8).collect();
+        assert_eq!(floors.len(), 8, "too few seams of the floor among {TRIES}");
+        for floor in floors {
             let position = floor.with_y(floor.y + (centre.y - floor.y) * rng.random_range(0.05..1.0));
             assert!(Interior::Closed.contains(&rays, position), "{position} above {floor}");
             let below = floor.with_y(low.y - height * rng.random_range(0.01..1.0));
