@@ -5,8 +5,8 @@
 //! four of the eight headings are exact, those that differ from the start's by a multiple of 90°, and four are 5° off.
 
 use crate::motion::{Motion, MotionConfig, Walker};
+use crate::pose::shorter_arc;
 use glam::Vec3;
-use std::f32::consts::TAU;
 
 /// How much more than half of a motion or a turn still counts as half: so that rounding does not turn an agent for ever.
 const SLACK: f32 = 1.002;
@@ -56,11 +56,6 @@ pub fn turn_to(walker: &Walker, azimuth: f32) -> Option<Motion> {
 
 fn turn(error: f32) -> Motion {
     if error > 0.0 { Motion::Left } else { Motion::Right }
-}
-
-/// From -π to π.
-fn shorter_arc(angle: f32) -> f32 {
-    (angle + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0
 }
 
 #[cfg(test)]

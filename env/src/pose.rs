@@ -128,9 +128,14 @@ impl Pose {
 
     /// The pose a share `t` of the way to `other`: linear in position, along the shorter arc in azimuth.
     pub fn interpolate(&self, other: &Self, t: f32) -> Self {
-        let arc = (other.azimuth - self.azimuth + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
+        let arc = shorter_arc(other.azimuth - self.azimuth);
         Self { position: self.position.lerp(other.position, t), azimuth: (self.azimuth + arc * t).rem_euclid(TAU) }
     }
+}
+
+/// The same angle from -π to π, radians.
+pub(crate) fn shorter_arc(angle: f32) -> f32 {
+    (angle + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0
 }
 
 /// The horizontal square lattice of camera positions of a scene.

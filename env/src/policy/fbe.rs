@@ -144,6 +144,7 @@ fn best_look(view: &MapView<'_>, node: Node, cells: &[CellIndex]) -> Option<Latt
         let azimuth = away.x.atan2(away.z);
         let is_visible = !view.occupancy().is_wall_between(eye, OccupancyGrid::middle(cell));
         for heading in Heading::all().filter(|_| is_visible) {
+            // Not `shorter_arc`: half of a heading's view ends on a diagonal of cells, where roundings decide, and with them the walk.
             let turn = (azimuth - heading.azimuth()).sin().atan2((azimuth - heading.azimuth()).cos());
             seen[heading.index()] += usize::from(turn.abs() <= HALF_VIEW);
         }

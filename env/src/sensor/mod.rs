@@ -1,8 +1,8 @@
 //! What the agent sees: depth images of a scene, with colours where they are asked for.
 //!
-//! Second step of the flow, `scene → sensor → map`. [`DepthCamera`] rasterises and is the one to use, [`RgbdCamera`] adds
-//! colours to the same depths; [`RayCamera`] shoots one watertight ray per pixel, a hundred times slower, and is the
-//! oracle that the tests hold both against.
+//! Second step of the flow, `scene → sensor → map`. [`RgbdCamera`] rasterises and is the one of rollouts: depths, and
+//! colours if asked for. [`DepthCamera`] gives the same depths alone; [`RayCamera`] shoots one watertight ray per pixel, a
+//! hundred times slower, and is the oracle that the tests hold both against.
 
 pub mod camera;
 pub mod colour;

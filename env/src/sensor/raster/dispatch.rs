@@ -53,8 +53,14 @@ impl InstructionSet {
     pub fn best() -> Self {
         // Asked once: the answer of the machine does not change.
         static BEST: LazyLock<InstructionSet> = LazyLock::new(|| {
-            let narrow = InstructionSet::available().take_while(|set| set.name() != "AVX-512");
-            narrow.last().unwrap_or(InstructionSet(Set::Baseline))
+            let is_narrow = |set: &InstructionSet| match set.0 {
+                Set::Baseline => true,
+                #[cfg(target_arch = "x86_64")]
+                Set::Avx2 => true,
+                #[cfg(target_arch = "x86_64")]
+                Set::Avx512 => false,
+            };
+            InstructionSet::available().rfind(is_narrow).unwrap_or(InstructionSet(Set::Baseline))
         });
         *BEST
     }

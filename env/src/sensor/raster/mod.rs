@@ -27,7 +27,7 @@ use std::cell::RefCell;
 use view::View;
 pub(super) use view::nearest_whole;
 
-/// The depth camera of every rollout.
+/// The rasteriser as a sensor: the depths of [`RgbdCamera`](super::RgbdCamera), which rollouts use, and nothing else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthCamera(pub Camera);
 
