@@ -146,7 +146,9 @@ impl Scene {
         let graph = LatticeGraph::inside(interior, lattice, &rays);
         if graph.largest_component().is_empty() {
             let nodes = [lattice.origin, lattice.position(lattice.node(lattice.len() - 1))];
-            if [0, 2].iter().any(|&axis| nodes[0][axis] > high[axis] || nodes[1][axis] < low[axis]) {
+            // Beside a single wall, too, there are nodes, but no farther than a step.
+            let step = lattice.spacing;
+            if [0, 2].iter().any(|&axis| nodes[0][axis] > high[axis] + step || nodes[1][axis] < low[axis] - step) {
                 return Err(SceneError::Apart { scene: name, lattice: nodes, mesh: [low, high] });
             }
             return Err(SceneError::NoFreePose { scene: name, height: lattice.origin.y, nodes: lattice.len() });
