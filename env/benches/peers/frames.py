@@ -39,10 +39,11 @@ class House:
         down = (np.arange(c["height"]) + 0.5 - c["height"] / 2) / focal
         self.offsets = np.stack(np.meshgrid(right, down), -1).astype(np.float32)
 
-    def directions(self, pose):
+    def directions(self, pose, pixels=...):
         """A ray for each pixel, 1 along the optical axis."""
-        directions = pose[3:6] + self.offsets[..., :1] * pose[6:]
-        directions[..., 1] -= self.offsets[..., 1]
+        offsets = self.offsets[pixels]
+        directions = pose[3:6] + offsets[..., :1] * pose[6:]
+        directions[..., 1] -= offsets[..., 1]
         return directions
 
 

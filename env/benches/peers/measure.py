@@ -37,8 +37,8 @@ class Ours:
         pipe = subprocess.PIPE
         self.child = subprocess.Popen([*BENCH, "--answer"], cwd=ROOT, stdin=pipe, stdout=pipe, text=True)
 
-    def ask(self, what, number):
-        print(what, number, file=self.child.stdin, flush=True)
+    def ask(self, *question):
+        print(*question, file=self.child.stdin, flush=True)
         return float(self.child.stdout.readline())
 
 
@@ -49,14 +49,16 @@ def seconds(work):
 
 
 def measure_frames(ours, number, house, peers, repeats):
-    """Median milliseconds for a frame by each."""
-    times = {name: [] for name in ["ours", "single rays over obvhs", *peers]}
+    """Median milliseconds for a frame by each: over all poses, after a round of them that is not timed."""
+    questions = {"ours": "frame", "obvhs, single rays": "obvhs", "watertight rays over obvhs": "rays"}
+    times = {name: [] for name in [*questions, *peers]}
     for _ in range(repeats):
-        times["ours"].append(ours.ask("frame", number))
-        times["single rays over obvhs"].append(ours.ask("rays", number))
+        for name, question in questions.items():
+            times[name].append(ours.ask(question, number))
         for name, peer in peers.items():
-            took = seconds(lambda: [peer.frame(pose) for pose in house.poses])
-            times[name].append(1e3 * took / len(house.poses))
+            a_round = lambda: [peer.frame(pose) for pose in house.poses]
+            a_round()
+            times[name].append(1e3 * seconds(a_round) / len(house.poses))
     return {name: float(np.median(all)) for name, all in times.items()}
 
 
@@ -71,20 +73,20 @@ def compare_depths(house, peers):
 
 
 def measure_steps(ours, number, house, embree, camera, repeats):
-    """Median milliseconds for a step by each, and of the recipes' parts."""
+    """Median milliseconds for a step by each, always the same step of the same walk, and of the recipes' parts."""
     recipes = {recipe.name: recipe(house, camera) for recipe in [KdTreeOfTheStep, KdTree, Released]}
     for recipe in recipes.values():
-        # Up to the middle quickly: the frames by packets, nothing else.
+        # Up to the middle quickly: the frames by packets, and nothing that leaves no trace.
         for poses in house.walk[:MIDDLE]:
-            recipe.add(embree.frame, poses)
+            recipe.pass_by(embree.frame, poses)
         here = recipe.positions[-1]
         for warm_up in [recipe.coverage, lambda: recipe.images(here), lambda: recipe.obstacles(here)]:
             warm_up()
     times = {name: [] for name in ["ours", *recipes]}
-    for poses in house.walk[MIDDLE : MIDDLE + repeats]:
-        times["ours"].append(ours.ask("step", number))
+    for step in range(MIDDLE, MIDDLE + repeats):
+        times["ours"].append(ours.ask("step", number, step))
         for name, recipe in recipes.items():
-            times[name].append(1e3 * recipe.step(poses))
+            times[name].append(1e3 * recipe.step(house.walk[step]))
     parts = {name: {part: 1e3 * t / repeats for part, t in recipe.parts.items()} for name, recipe in recipes.items()}
     return {name: float(np.median(all)) for name, all in times.items()}, parts
 

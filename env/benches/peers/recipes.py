@@ -36,12 +36,16 @@ class Recipe:
         rows, cols = np.nonzero(depth)
         chosen = self.rng.choice(len(rows), len(rows) // 20, replace=False)
         rows, cols = rows[chosen], cols[chosen]
-        return pose[:3] + depth[rows, cols, None] * self.house.directions(pose)[rows, cols]
+        return pose[:3] + depth[rows, cols, None] * self.house.directions(pose, (rows, cols))
 
     def add(self, frame, poses):
         self.new = np.concatenate([self.look(frame, pose) for pose in poses])
         self.cloud = np.concatenate([self.cloud, self.new])
         self.positions += [pose[:3] for pose in poses]
+
+    def pass_by(self, frame, poses):
+        """A step on the way to those that are measured."""
+        self.add(frame, poses)
 
     def step(self, poses):
         """Seconds for a step."""
@@ -89,9 +93,15 @@ class KdTreeOfTheStep(KdTree):
 
     name = "kd-tree of the step"
 
+    def __init__(self, house, camera):
+        super().__init__(house, camera)
+        self.open = house.surface
+
+    def pass_by(self, frame, poses):
+        self.add(frame, poses)
+        self.coverage()
+
     def coverage(self):
-        if not hasattr(self, "open"):
-            self.open = self.house.surface
         near, _ = cKDTree(self.new).query(self.open, distance_upper_bound=EPSILON)
         self.open = self.open[~np.isfinite(near)]
         return 1 - len(self.open) / len(self.house.surface)

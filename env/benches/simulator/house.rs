@@ -35,8 +35,8 @@ pub(crate) fn all() -> Result<Vec<House>, Box<dyn Error>> {
 
 impl House {
     fn new(cell: f32) -> Result<Self, Box<dyn Error>> {
-        let (vertices, triangles) = rooms(SIDE, cell, 7);
         let before = MEMORY.current_usage();
+        let (vertices, triangles) = rooms(SIDE, cell, 7);
         let mesh = Mesh::new(vertices, triangles)?;
         let settings = infer_settings(&mesh);
         let world = Arc::new(World::new(Scene::new("house", mesh, &settings)?, &SimConfig::default())?);

@@ -11,6 +11,7 @@ mod frames;
 mod house;
 mod memory;
 mod peers;
+mod plain_rays;
 #[allow(dead_code)]
 #[path = "../scenes/mod.rs"]
 mod scenes;
@@ -32,7 +33,8 @@ static MEMORY: PeakAlloc = PeakAlloc;
 const USAGE: &str = "\
 cargo bench -p env -- [--quick] [--json FILE]   measure and print
 cargo bench -p env -- --export DIR              write the houses, poses and depths for other programs
-cargo bench -p env -- --answer                  answer `frame N`, `rays N`, `step N` (N: 0, 1, 2) with milliseconds, line by line";
+cargo bench -p env -- --answer                  answer `frame N`, `obvhs N`, `rays N`, `step N K` (house N: 0, 1, 2; step K of the
+                                                exported walk) with milliseconds, line by line";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut effort, mut json_file, mut export, mut answer) = (Effort::FULL, None, None, false);
@@ -87,7 +89,7 @@ type Section = (&'static str, fn(&[House], Effort) -> Result<Vec<Value>, Box<dyn
 fn machine() -> Value {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = info.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or("unknown CPU");
-    let git = Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
+    let git = Command::new("git").args(["describe", "--always", "--dirty"]).output();
     let commit = git.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned()).unwrap_or_default();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     json!({ "cpu": cpu.trim_start_matches(['\t', ' ', ':']), "cores": cores, "commit": commit })

@@ -1,19 +1,21 @@
 //! The other half of `env/benches/peers/measure.py`: the same houses, poses and walks for other programs, and our own times
 //! whenever it asks, so that all are measured in turns.
 
-use crate::frames::{by_rasteriser, by_single_rays};
+use crate::clock::seconds;
+use crate::frames::{by_plain_rays, by_rasteriser, by_watertight_rays};
 use crate::house::House;
-use crate::steps::one_episode;
-use nbp_env::Pose;
+use crate::plain_rays::PlainRays;
+use crate::steps::step;
 use nbp_env::sensor::raster::InstructionSet;
 use nbp_env::sensor::{Camera, Frame, render};
+use nbp_env::{Action, Pose};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-/// Steps of an episode that is measured or exported.
+/// Steps of the walk that is exported and measured.
 const STEPS: usize = 60;
 
 /// Writes for each house `N.obj` (metres, y up), `N.json` (camera, poses, the captures of a walk), `N.depth.f32` (our depths
@@ -21,12 +23,12 @@ const STEPS: usize = 60;
 pub(crate) fn export(houses: &[House], folder: &Path) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     for (number, house) in houses.iter().enumerate() {
-        let (scene, camera, start) = (house.world.scene(), Camera::default(), house.start(0));
+        let (scene, camera) = (house.world.scene(), Camera::default());
         let mut obj = String::new();
         scene.mesh().vertices().iter().try_for_each(|v| writeln!(obj, "v {} {} {}", v.x, v.y, v.z))?;
         scene.mesh().triangles().iter().try_for_each(|[a, b, c]| writeln!(obj, "f {} {} {}", a + 1, b + 1, c + 1))?;
         std::fs::write(folder.join(format!("{number}.obj")), obj)?;
-        let walk = house.captures(start, &house.walk(start, STEPS, 0));
+        let walk = house.captures(house.start(0), &walk(house));
         let about = json!({
             "camera": camera, "poses": poses(&house.poses),
             "walk": walk.iter().map(|captures| poses(captures)).collect::<Vec<_>>(),
@@ -47,6 +49,11 @@ pub(crate) fn export(houses: &[House], folder: &Path) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
+/// Where the peers go, and we.
+fn walk(house: &House) -> Vec<Action> {
+    house.walk(house.start(0), STEPS, 0)
+}
+
 /// Forward, right and position: what makes a ray of a pixel.
 fn poses(poses: &[Pose]) -> Vec<Value> {
     let pose = |pose: &Pose| json!({ "position": pose.position, "forward": pose.forward(), "right": pose.right() });
@@ -55,19 +62,36 @@ fn poses(poses: &[Pose]) -> Vec<Value> {
 
 /// Answers questions on standard input until it ends.
 pub(crate) fn answer(houses: &[House]) -> Result<(), Box<dyn Error>> {
-    for (repeat, line) in std::io::stdin().lines().enumerate() {
+    let obvhs: Vec<PlainRays> = houses.iter().map(|house| PlainRays::build(house.world.scene().mesh())).collect();
+    for line in std::io::stdin().lines() {
         let line = line?;
-        let (what, number) = line.trim().split_once(' ').unwrap_or((&line, ""));
-        let house = number.parse::<usize>().ok().and_then(|number| houses.get(number));
-        let house = house.ok_or_else(|| format!("`{line}`: say `frame 0`, for one of {} houses", houses.len()))?;
-        let milliseconds = match what {
-            "frame" => by_rasteriser(house, InstructionSet::best()),
-            "rays" => by_single_rays(house),
-            "step" => 1e3 * one_episode(house, repeat, STEPS)?[0],
-            _ => return Err(format!("`{line}`: say frame, rays or step, and the number of a house").into()),
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let number: usize = words.get(1).ok_or("say `frame 0`, for house 0")?.parse()?;
+        let house = houses.get(number).ok_or_else(|| format!("`{line}`: there are {} houses", houses.len()))?;
+        let milliseconds = match words[..] {
+            ["frame", _] => by_rasteriser(house, InstructionSet::best(), 1),
+            ["obvhs", _] => by_plain_rays(house, &obvhs[number]),
+            ["rays", _] => by_watertight_rays(house),
+            ["step", _, step] => one_step(house, step.parse()?)?,
+            _ => {
+                return Err(
+                    format!("`{line}`: say frame, obvhs or rays and a house, or step, a house and a step").into()
+                );
+            }
         };
         println!("{milliseconds}");
         std::io::stdout().flush()?;
     }
     Ok(())
+}
+
+/// Milliseconds for one step of the walk with its input, in an episode that has come there.
+fn one_step(house: &House, number: usize) -> Result<f64, Box<dyn Error>> {
+    let mut episode = house.episode(house.start(0), STEPS)?;
+    let walk = walk(house);
+    let &action = walk.get(number).ok_or_else(|| format!("the walk has {STEPS} steps"))?;
+    for &before in &walk[..number] {
+        step(&mut episode, before);
+    }
+    Ok(1e3 * seconds(|| step(&mut episode, action)))
 }

@@ -45,7 +45,7 @@ fn row(house: &House, effort: Effort) -> Result<Value, Box<dyn Error>> {
 }
 
 /// Seconds per step of an episode, and how many of them the encoder's input takes.
-pub(crate) fn one_episode(house: &House, repeat: usize, steps: usize) -> Result<[f64; 2], Box<dyn Error>> {
+fn one_episode(house: &House, repeat: usize, steps: usize) -> Result<[f64; 2], Box<dyn Error>> {
     let start = house.start(repeat);
     let (mut episode, walk) = (house.episode(start, steps)?, house.walk(start, steps, repeat as u64));
     let mut inputs = 0.0;
@@ -54,7 +54,7 @@ pub(crate) fn one_episode(house: &House, repeat: usize, steps: usize) -> Result<
 }
 
 /// One step with its input; seconds that the input takes.
-fn step(episode: &mut Episode, action: Action) -> f64 {
+pub(crate) fn step(episode: &mut Episode, action: Action) -> f64 {
     episode.step(action);
     seconds(|| episode.encode())
 }

@@ -1,7 +1,8 @@
-//! What every lattice pose sees: memory of the whole map, and nanoseconds for a question.
+//! What every lattice pose sees: memory of the whole map, and nanoseconds for a question, asked in no order.
 
 use crate::clock::{Effort, Times, seconds};
 use crate::house::House;
+use crate::scenes::Dice;
 use nbp_env::visibility::PointSet;
 use nbp_env::{Heading, LatticePose};
 use serde_json::{Value, json};
@@ -19,7 +20,9 @@ pub(crate) fn measure(houses: &[House], effort: Effort) -> Result<Vec<Value>, Bo
 fn row(house: &House, effort: Effort) -> Value {
     let (visibility, nodes) = (house.world.visibility(), house.world.scene().graph().largest_component());
     let headings = |&node| Heading::all().map(move |heading| LatticePose { node, heading });
-    let poses: Vec<LatticePose> = nodes.iter().step_by(effort.nodes_stride).flat_map(headings).collect();
+    let mut poses: Vec<LatticePose> = nodes.iter().step_by(effort.nodes_stride).flat_map(headings).collect();
+    let mut dice = Dice(5);
+    (1..poses.len()).for_each(|n| poses.swap(n, dice.between(0.0, (n + 1) as f32) as usize));
     let mut known = visibility.nothing();
     let ask = |known: &PointSet| poses.iter().map(|&pose| visibility.gain(pose, known)).sum::<usize>();
     let look = seconds(|| ask(&known));
