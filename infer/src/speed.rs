@@ -1,10 +1,12 @@
 //! How fast the simulator is in given scenes.
 
 use crate::registry::{self, PolicyContext, PolicyKind, RegistryError};
-use crate::rollout::{Rollout, RolloutError, Trial, run_episode};
+use crate::rollout::{RolloutError, Trial};
 use nbp_env::coverage::Coverage;
+use nbp_env::map::Kept;
+use nbp_env::policy::{PolicyError, decide};
 use nbp_env::sensor::Frame;
-use nbp_env::{Episode, World};
+use nbp_env::{Episode, SeedTree, World};
 use serde::Serialize;
 use std::hint::black_box;
 use std::sync::{Arc, Barrier};
@@ -26,10 +28,10 @@ pub struct SpeedConfig {
 /// What was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Speed {
-    /// Steps of all threads together for each second of the clock, the encoder's input and the policy's decision included.
-    /// Steps that bumped take no frames and do not count.
+    /// Steps of all threads together for each second of the clock, the encoder's input after each of them and the policy's
+    /// decisions included. Steps of the lattice agent that bumped take no frames and do not count.
     pub steps_per_second: f64,
-    /// Milliseconds for a frame, on one thread: median over the poses of the episodes.
+    /// Milliseconds for a frame, before noise, on one thread: median over the poses at which steps ended.
     pub frame_ms: f64,
     /// Microseconds to count a frame's kept points into the coverage, on one thread: median over the same frames.
     pub coverage_us: f64,
@@ -48,9 +50,12 @@ pub enum SpeedError {
     /// The policy cannot be built.
     #[error(transparent)]
     Registry(#[from] RegistryError),
-    /// An episode failed.
+    /// An episode cannot begin.
     #[error(transparent)]
     Rollout(#[from] RolloutError),
+    /// The policy failed.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
     /// A thread ended before its episodes.
     #[error("a thread broke off; what it said is above")]
     Thread,
@@ -67,7 +72,7 @@ pub fn measure(worlds: &[Arc<World>], config: SpeedConfig, on_scene: impl Fn(usi
     }
     let (mut parts, mut memory) = (Parts::default(), 0);
     for (number, world) in worlds.iter().enumerate() {
-        let episode = walk(world, config, 0, |episode| parts.input(episode))?.episode;
+        let episode = walk(world, config, 0, |episode| parts.input(episode))?;
         memory = memory.max(episode.memory_bytes());
         parts.frames(&episode);
         on_scene(number + 1);
@@ -98,20 +103,17 @@ impl Parts {
 
     /// The frames at the end of each step once more, and their points into a coverage of their own.
     fn frames(&mut self, episode: &Episode) {
-        let (world, view) = (episode.world(), episode.view());
-        let run = (1.0 / world.config().keep).round().max(1.0) as usize;
+        let world = episode.world();
+        let (camera, keep) = (world.sensor().camera(), world.config().keep);
+        let mut pixels = SeedTree::new(0).child("pixels", 0).rng();
         let (mut frame, mut coverage) = (Frame::default(), Coverage::new(world.surface()));
-        for (step, &pose) in view.history().iter().enumerate() {
-            let pose = view.lattice().pose(pose);
+        for (step, pose) in episode.track().iter().enumerate() {
             let clock = Instant::now();
-            world.sensor().capture(world.scene(), &pose, &mut frame);
+            world.sensor().capture(world.scene(), pose, &mut frame);
             self.frame.push(clock.elapsed().as_secs_f64());
-            let camera = world.sensor().camera().at(&pose);
-            let pixels = (step % run..frame.depth.len()).step_by(run).filter(|&pixel| frame.depth[pixel] > 0.0);
-            let point = |pixel| camera.unproject(pixel % frame.width, pixel / frame.width, frame.depth[pixel]);
-            let points: Vec<_> = pixels.map(point).collect();
+            let kept = Kept::draw(camera, pose, &frame, keep, &mut pixels);
             let clock = Instant::now();
-            coverage.add(world.surface(), &points, step as u32);
+            coverage.add(world.surface(), &kept.points, step as u32);
             self.coverage.push(clock.elapsed().as_secs_f64());
         }
     }
@@ -126,8 +128,9 @@ fn all_threads(worlds: &[Arc<World>], config: SpeedConfig) -> Result<f64, SpeedE
         let mut steps = 0;
         for number in 0..worlds.len() {
             let world = &worlds[(number + thread) % worlds.len()];
-            let record = walk(world, config, thread, |episode| drop(black_box(episode.encode())))?.record;
-            steps += record.steps - record.bumps;
+            let episode = walk(world, config, thread, |episode| drop(black_box(episode.encode())))?;
+            let frameless = if episode.is_continuous() { 0 } else { episode.bumps() };
+            steps += episode.steps() - frameless;
         }
         Ok::<_, SpeedError>((steps, begun, Instant::now()))
     };
@@ -144,17 +147,30 @@ fn all_threads(worlds: &[Arc<World>], config: SpeedConfig) -> Result<f64, SpeedE
     Ok(steps as f64 / seconds.unwrap_or_default().as_secs_f64())
 }
 
-/// One episode from a start of its own.
+/// One episode from a start of its own. `on_step` is called once for each step, in the continuous world after all of the
+/// motions that a decision makes. Nothing is recorded, as [`run_episode`](crate::rollout::run_episode) does, for that takes
+/// time.
 fn walk(
     world: &Arc<World>,
     config: SpeedConfig,
     number: usize,
     mut on_step: impl FnMut(&Episode),
-) -> Result<Rollout, SpeedError> {
+) -> Result<Episode, SpeedError> {
     let mut policy = registry::build(config.policy, &PolicyContext::default(), world)?;
     let start = number % world.scene().starts().len().max(1);
     let trial = Trial { start, seed: config.seed.wrapping_add(number as u64), steps: config.steps };
-    Ok(run_episode(world, policy.as_mut(), trial, |episode, _| on_step(episode))?)
+    let seeds = trial.seeds(world.scene().name());
+    let mut rng = seeds.child("policy", 0).rng();
+    let episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds);
+    let mut episode = episode.map_err(RolloutError::from)?;
+    policy.begin();
+    while !episode.is_over() {
+        let before = episode.steps();
+        let decision = decide(policy.as_mut(), &episode, &mut rng)?;
+        episode.follow(decision);
+        (before..episode.steps()).for_each(|_| on_step(&episode));
+    }
+    Ok(episode)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -165,7 +181,21 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nbp_env::{Scene, SimConfig};
+    use nbp_env::{Agent, MotionConfig, Scene, SimConfig};
+
+    #[test]
+    fn every_step_of_either_world_has_its_input() {
+        let motions = Agent::Continuous(MotionConfig::default());
+        for agent in [Agent::Lattice, motions] {
+            let config = SimConfig { agent, ..SimConfig::default() };
+            let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
+            let mut parts = Parts::default();
+            let config = SpeedConfig { policy: PolicyKind::Fbe, steps: 30, seed: 1, threads: 1 };
+            let episode = walk(&world, config, 0, |episode| parts.input(episode)).unwrap();
+            parts.frames(&episode);
+            assert_eq!((parts.input.len(), parts.frame.len(), parts.coverage.len()), (30, 31, 31));
+        }
+    }
 
     #[test]
     fn every_part_takes_time_and_nothing_to_do_is_refused() {

@@ -151,6 +151,10 @@ fn speed_is_one_json_object_of_five_figures() {
     assert!((1.0..200.0).contains(&megabytes), "{megabytes}");
     let told = succeeds(dir.path(), "speed --scenes scenes/a --threads 1 --steps 2");
     assert!(told.starts_with("scenes: 1,") && told.contains("MB per environment"), "{told}");
+    let config = "[sim.agent]\nkind = 'continuous'\n[sim.coverage]\npoints = 500\n[eval]\nsteps = 3";
+    std::fs::write(dir.path().join("motions.toml"), config).unwrap();
+    let told = succeeds(dir.path(), "speed --config motions.toml --scenes scenes/a --threads 0");
+    assert!(told.contains("episodes of 3 steps"), "{told}");
     assert!(succeeds(dir.path(), "speed --help").contains("steps_per_second"));
 }
 
@@ -227,7 +231,6 @@ fn bad_input_is_an_error_that_says_what_to_do() {
         ("speed --scenes nowhere", 1, "there is no nowhere"),
         ("speed --scenes net", 1, "holds no scene"),
         ("speed --scenes bad.obj", 1, "line 1"),
-        ("speed --scenes scenes --threads 0", 2, "0 threads"),
         ("speed --scenes scenes --steps 0", 2, "at least 1"),
         ("speed --scenes scenes --policy nbp", 2, "use random or fbe"),
         ("speed", 2, "--scenes"),

@@ -7,19 +7,22 @@ use nbp_env::Scene;
 use nbp_env::scene::LoadOptions;
 use nbp_infer::speed::{Speed, SpeedConfig, measure};
 use nbp_infer::{PolicyKind, Settings, source};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const KEYS: &str = "\
 What is measured, and what --json prints as one object:
   steps_per_second  Steps of all threads together for each second of the clock: frames, map, coverage, the network's input
-                    and the policy's decision. Steps that bumped take no frames and do not count
-  frame_ms          Milliseconds for a frame, on one thread, median over the poses at which steps ended
+                    after each, and the policy's decisions. Steps of the lattice agent that bumped take no frames and do
+                    not count
+  frame_ms          Milliseconds for a frame, before noise, on one thread, median over the poses at which steps ended
   coverage_us       Microseconds to count a frame's kept points into the coverage, on one thread, median over these frames
   input_us          Microseconds for the network's input, on one thread, median over the steps
   memory_mb         Memory of an environment at its end, without what it shares with others in its scene, in 10^6 bytes,
                     the largest of the scenes
 
-First one episode in each scene on one thread, for the parts; then on every thread one episode in each scene, at once.";
+First one episode in each scene on one thread, for the parts; then on each of --threads (one a core if left out or 0) one
+episode in each scene, at once.";
 
 /// Options of `infer speed`.
 #[derive(clap::Args)]
@@ -31,9 +34,12 @@ pub(super) struct Args {
     /// Who walks: random or fbe, or another that needs no network
     #[arg(long, default_value_t = PolicyKind::Random, value_name = "NAME")]
     policy: PolicyKind,
-    /// Steps of an episode
-    #[arg(long, default_value_t = 200, value_name = "N")]
-    steps: usize,
+    /// Configuration file (TOML): its sim and eval tables; several are stacked left to right
+    #[arg(long, value_name = "FILE")]
+    config: Vec<PathBuf>,
+    /// Steps of an episode [default: the configuration's, else 200]
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
     /// Root of all random numbers
     #[arg(long, default_value_t = 0, value_name = "N")]
     seed: u64,
@@ -46,16 +52,14 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()> {
-    if threads == Some(0) {
-        usage("speed cannot run on 0 threads: give --threads 1 or more, or leave it out for one a core");
-    }
-    if args.steps == 0 {
+    if args.steps == Some(0) {
         usage("--steps must be at least 1");
     }
     if args.policy.needs_network() {
         usage(&format!("speed measures the simulator, not the network of policy {}: use random or fbe", args.policy));
     }
-    let (settings, _) = overrides::apply(&Settings::default(), &[], &args.set)?;
+    let (settings, eval) = overrides::apply(&Settings::default(), &args.config, &args.set)?;
+    let steps = args.steps.or(eval.steps).unwrap_or(200);
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
     let on_scene = |total| bar.set(read.fetch_add(1, Ordering::Relaxed) + 1, total);
     let scenes = source::load_all(&args.scenes, LoadOptions { colour: settings.sim.colour.is_on() }, on_scene);
@@ -63,8 +67,10 @@ pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()>
     let scenes = scenes.context("cannot use the scenes")?;
     scenes.iter().flat_map(Scene::notes).for_each(|note| talk.say(format!("note: {note}")));
     let worlds = setup::worlds(scenes, &settings)?;
-    let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let config = SpeedConfig { policy: args.policy, steps: args.steps, seed: args.seed, threads };
+    let threads = threads
+        .filter(|&count| count > 0)
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let config = SpeedConfig { policy: args.policy, steps, seed: args.seed, threads };
     let bar = talk.bar(worlds.len(), "scenes walked");
     let speed = measure(&worlds, config, |number| bar.set(number, worlds.len()));
     bar.finish();
@@ -74,10 +80,9 @@ pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()>
     } else {
         let triangles: usize = worlds.iter().map(|world| world.scene().mesh().triangles().len()).sum();
         println!(
-            "scenes: {}, triangles on average: {}, episodes of {} steps by {}",
+            "scenes: {}, triangles on average: {}, episodes of {steps} steps by {}",
             worlds.len(),
             triangles / worlds.len(),
-            args.steps,
             args.policy
         );
         print!("{}", table(&speed, threads));
