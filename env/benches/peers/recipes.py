@@ -49,17 +49,17 @@ class Recipe:
 
     def step(self, poses):
         """Seconds for a step."""
-        here, begun = poses[-1][:3], time.perf_counter()
+        here, begun = poses[-1][:3], time.process_time()
         self.part("frames", lambda: self.add(self.camera.frame, poses))
         self.part("coverage", self.coverage)
         self.part("input", lambda: self.images(here))
         self.part("obstacles", lambda: self.obstacles(here))
-        return time.perf_counter() - begun
+        return time.process_time() - begun
 
     def part(self, name, work):
-        begun = time.perf_counter()
+        begun = time.process_time()
         work()
-        self.parts[name] = self.parts.get(name, 0.0) + time.perf_counter() - begun
+        self.parts[name] = self.parts.get(name, 0.0) + time.process_time() - begun
 
     def obstacles(self, here):
         """Once for a map is enough."""

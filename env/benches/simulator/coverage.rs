@@ -3,15 +3,13 @@
 
 use crate::clock::{Effort, Times, seconds};
 use crate::house::House;
-use crate::scenes::Dice;
 use glam::Vec3;
+use nbp_env::SeedTree;
 use nbp_env::coverage::{Coverage, CoverageConfig, Surface};
+use nbp_env::map::Kept;
 use nbp_env::sensor::Frame;
 use serde_json::{Value, json};
 use std::error::Error;
-
-/// One pixel in so many is kept.
-const RUN: usize = 20;
 
 /// So many frames are the first ones.
 const FIRST: usize = 20;
@@ -57,13 +55,10 @@ fn row(house: &House, effort: Effort) -> Value {
 /// The points kept of the frames of a walk.
 fn kept(house: &House, steps: usize) -> Vec<Vec<Vec3>> {
     let (world, start) = (&house.world, house.start(0));
-    let (sensor, mut frame, mut dice) = (world.sensor(), Frame::default(), Dice(11));
+    let (sensor, mut frame, mut pixels) = (world.sensor(), Frame::default(), SeedTree::new(11).rng());
     let mut points = |pose| {
         sensor.capture(world.scene(), &pose, &mut frame);
-        let pixel = |run: usize| run * RUN + dice.between(0.0, RUN as f32) as usize;
-        let pixels = (0..frame.depth.len() / RUN).map(pixel).filter(|&pixel| frame.depth[pixel] > 0.0);
-        let (camera, width) = (sensor.camera().at(&pose), frame.width);
-        pixels.map(|p| camera.unproject(p % width, p / width, frame.depth[p])).collect()
+        Kept::draw(sensor.camera(), &pose, &frame, world.config().keep, &mut pixels).points
     };
     let poses = house.captures(start, &house.walk(start, steps, 0));
     poses.into_iter().flatten().map(&mut points).collect()

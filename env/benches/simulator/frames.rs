@@ -1,7 +1,7 @@
 //! Milliseconds for a depth image: by each instruction set of this machine, and by one ray at a time, of obvhs as it comes and
 //! of our watertight test over it.
 
-use crate::clock::{Effort, Times, seconds};
+use crate::clock::{Effort, Times, cpu_seconds, seconds};
 use crate::house::House;
 use crate::plain_rays::PlainRays;
 use nbp_env::Pose;
@@ -87,8 +87,8 @@ pub(crate) fn by_watertight_rays(house: &House) -> f64 {
     per_frame(&house.poses, 1, |pose| trace(rays, &camera, pose, &mut frame))
 }
 
-/// Milliseconds for one frame, over `rounds` of all poses after one that is not timed.
+/// Milliseconds of the processor for one frame, over `rounds` of all poses after one that is not timed.
 pub(crate) fn per_frame(poses: &[Pose], rounds: usize, mut capture: impl FnMut(&Pose)) -> f64 {
     poses.iter().for_each(&mut capture);
-    1e3 * seconds(|| (0..rounds).for_each(|_| poses.iter().for_each(&mut capture))) / (rounds * poses.len()) as f64
+    1e3 * cpu_seconds(|| (0..rounds).for_each(|_| poses.iter().for_each(&mut capture))) / (rounds * poses.len()) as f64
 }

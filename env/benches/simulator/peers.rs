@@ -1,7 +1,7 @@
 //! The other half of `env/benches/peers/measure.py`: the same houses, poses and walks for other programs, and our own times
 //! whenever it asks, so that all are measured in turns.
 
-use crate::clock::seconds;
+use crate::clock::cpu_seconds;
 use crate::frames::{by_plain_rays, by_rasteriser, by_watertight_rays};
 use crate::house::House;
 use crate::plain_rays::PlainRays;
@@ -85,7 +85,7 @@ pub(crate) fn answer(houses: &[House]) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Milliseconds for one step of the walk with its input, in an episode that has come there.
+/// Milliseconds of the processor for one step of the walk with its input, in an episode that has come there.
 fn one_step(house: &House, number: usize) -> Result<f64, Box<dyn Error>> {
     let mut episode = house.episode(house.start(0), STEPS)?;
     let walk = walk(house);
@@ -93,5 +93,5 @@ fn one_step(house: &House, number: usize) -> Result<f64, Box<dyn Error>> {
     for &before in &walk[..number] {
         step(&mut episode, before);
     }
-    Ok(1e3 * seconds(|| step(&mut episode, action)))
+    Ok(1e3 * cpu_seconds(|| step(&mut episode, action)))
 }
