@@ -1,7 +1,7 @@
 //! Microseconds to count the kept points of a frame, at the two densities that matter; the first frames, which meet open
 //! surface wherever they look, also by themselves. Nothing else runs between them, so caches are warm.
 
-use crate::clock::{Effort, Times, seconds};
+use crate::clock::{Effort, Times, cpu_seconds};
 use crate::house::House;
 use glam::Vec3;
 use nbp_env::SeedTree;
@@ -33,7 +33,7 @@ fn row(house: &House, effort: Effort) -> Value {
         for (n, surface) in surfaces.iter().enumerate() {
             let mut coverage = Coverage::new(surface);
             let mut add =
-                |clouds: &[Vec<Vec3>]| seconds(|| clouds.iter().for_each(|cloud| coverage.add(surface, cloud, 1)));
+                |clouds: &[Vec<Vec3>]| cpu_seconds(|| clouds.iter().for_each(|cloud| coverage.add(surface, cloud, 1)));
             let (early, late) = clouds.split_at(FIRST);
             let (first, rest) = (add(early), add(late));
             firsts[n].push(1e6 * first / early.len() as f64);

@@ -1,8 +1,8 @@
 //! How fast the simulator is: `cargo bench -p env`, or for a first look `cargo bench -p env -- --quick`.
 //!
 //! Everything in three synthetic houses of 36 × 36 m, on one thread where nothing else is said. What is compared is measured
-//! in turns, so that a busy machine disturbs all alike; medians are reported, with the least repeat where it helps. Frames are
-//! in time of the processor, the rest in that of the clock.
+//! in turns, so that a busy machine disturbs all alike; medians are reported, with the least repeat where it helps. Frames,
+//! coverage and late over early are in time of the processor, the rest in that of the clock.
 //! `env/benches/peers/measure.py` holds the same houses and walks against Embree, Open3D and the released code's recipe.
 
 mod clock;

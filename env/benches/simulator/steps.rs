@@ -1,6 +1,6 @@
 //! Whole steps: four captures, map, coverage and the encoder's input; on one thread, on two, and late in an episode.
 
-use crate::clock::{Effort, Times, seconds};
+use crate::clock::{Effort, Times, cpu_seconds, seconds};
 use crate::house::House;
 use nbp_env::sensor::Frame;
 use nbp_env::{Action, Episode};
@@ -107,7 +107,7 @@ fn late_over_early(house: &House, repeat: usize) -> Result<f64, Box<dyn Error>> 
             pair.reverse();
         }
         for (episode, place) in pair {
-            let time = seconds(|| step(episode, action));
+            let time = cpu_seconds(|| step(episode, action));
             times[place] += if LATE - EARLY + number >= from { time } else { 0.0 };
         }
     }
