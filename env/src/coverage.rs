@@ -202,6 +202,37 @@ impl Coverage {
         }
     }
 
+    /// Whether no point of the reconstruction in a box can cover anything any more. Boxes of more than `most` cells are not
+    /// looked at: there it may.
+    pub(crate) fn is_done_within(&mut self, surface: &Surface, corners: [Vec3; 2], most: usize) -> bool {
+        let [low, high] = corners.map(|corner| ((corner - surface.low) / surface.cell).to_array().map(cell_of));
+        let range = |axis: usize| {
+            let end = high[axis].saturating_add(1).max(0) as usize;
+            low[axis].max(0) as usize..end.min(surface.shape[axis])
+        };
+        let [x, y, z] = [range(0), range(1), range(2)];
+        let count = x.len() * y.len() * z.len();
+        let rows = x.flat_map(|x| y.clone().map(move |y| (x * surface.shape[1] + y) * surface.shape[2]));
+        let mut cells = rows.flat_map(|row| row + z.start..row + z.end);
+        count == 0 || count <= most && cells.all(|cell| self.is_done(surface, cell, corners))
+    }
+
+    /// Whether no uncovered candidate of a cell is within reach of a box. Forgets covered ones on its way.
+    fn is_done(&mut self, surface: &Surface, cell: usize, [low, high]: [Vec3; 2]) -> bool {
+        let begin = surface.begin[cell] as usize;
+        let mut left = self.left[cell] as usize;
+        while left > 0 && self.first[self.candidates[begin + left - 1] as usize] != NEVER {
+            left -= 1;
+        }
+        self.left[cell] = left as u32;
+        let is_open = |&candidate: &u32| {
+            let point = surface.points[candidate as usize];
+            let distance_squared = point.distance_squared(point.clamp(low, high));
+            self.first[candidate as usize] == NEVER && distance_squared <= surface.reach * surface.reach
+        };
+        !self.candidates[begin..begin + left].iter().any(is_open)
+    }
+
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         (self.candidates.capacity() + self.left.capacity() + self.first.capacity()) * size_of::<u32>()
@@ -252,6 +283,13 @@ mod tests {
             }
             let covered = (0..truth.len()).filter(|&i| coverage.first_step(i).is_some()).count();
             prop_assert_eq!(coverage.covered(), covered);
+            for (index, half) in (0..truth.len()).zip([0.0, 0.3, 1.0].into_iter().cycle()) {
+                let corners = [truth[index] + 1.5 - half, truth[index] + 1.5 + half];
+                let away = |i: usize| truth[i].distance(truth[i].clamp(corners[0], corners[1])) / epsilon;
+                let nearest = (0..truth.len()).filter(|&i| coverage.first_step(i).is_none()).map(away).fold(9.0, f32::min);
+                let is_done = coverage.is_done_within(&surface, corners, usize::MAX);
+                prop_assert!(if is_done { nearest > 0.999 } else { nearest < 1.001 }, "{} {}", is_done, nearest);
+            }
         }
     }
 }

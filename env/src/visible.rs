@@ -3,9 +3,9 @@
 
 use crate::config::SimConfig;
 use crate::coverage::{Coverage, Surface};
-use crate::pose::{Heading, LatticePose};
+use crate::pose::{Heading, LatticePose, Pose};
 use crate::scene::Scene;
-use crate::sensor::{Camera, DepthCamera, Frame, Sensor as _};
+use crate::sensor::{Camera, DepthCamera, Frame, PosedCamera, Sensor as _};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ pub fn visible_points(scene: &Scene, surface: &Surface, camera: Camera) -> Vec<u
         for heading in Heading::all() {
             let pose = scene.lattice().pose(LatticePose { node, heading });
             DepthCamera(camera).capture(scene, &pose, &mut frame);
-            points.clear();
-            points.extend(frame.points(camera.at(&pose)));
+            let is_open = |seen| !coverage.is_done_within(surface, seen, MAX_CELLS);
+            find_open(&frame, camera.at(&pose), &pose, is_open, &mut points);
             coverage.add(surface, &points, 0);
         }
         (coverage, frame, points)
@@ -35,6 +35,62 @@ pub fn visible_points(scene: &Scene, surface: &Surface, camera: Camera) -> Vec<u
         .map(|(coverage, ..)| (0..surface.len()).map(|point| coverage.first_step(point).is_some()).collect())
         .reduce(|| vec![false; surface.len()], either);
     (0_u32..).zip(seen).filter_map(|(point, is_seen)| is_seen.then_some(point)).collect()
+}
+
+/// Side of the squares of pixels that are left out together once nothing new can be there.
+const TILE: usize = 8;
+
+/// Boxes of more cells cost more than they save.
+const MAX_CELLS: usize = 512;
+
+/// Leaves in `points` those of a frame that lie in squares of pixels whose box is open: late in the search, few.
+fn find_open(
+    frame: &Frame,
+    eye: PosedCamera,
+    pose: &Pose,
+    mut is_open: impl FnMut([Vec3; 2]) -> bool,
+    points: &mut Vec<Vec3>,
+) {
+    points.clear();
+    let width = frame.width;
+    let (mut near, mut far) = (vec![0.0_f32; width], vec![0.0_f32; width]);
+    for (band, lines) in frame.depth.chunks((TILE * width).max(1)).enumerate() {
+        near.fill(f32::INFINITY);
+        far.fill(0.0);
+        for line in lines.chunks_exact(width) {
+            for ((near, far), &depth) in near.iter_mut().zip(&mut far).zip(line) {
+                let surface = if depth > 0.0 { depth } else { f32::INFINITY };
+                *near = if surface < *near { surface } else { *near };
+                *far = if depth > *far { depth } else { *far };
+            }
+        }
+        let rows = [band * TILE, band * TILE + lines.len() / width];
+        for from in (0..width).step_by(TILE) {
+            let cols = [from, width.min(from + TILE)];
+            let near = near[from..cols[1]].iter().copied().fold(f32::INFINITY, f32::min);
+            let far = far[from..cols[1]].iter().copied().fold(0.0, f32::max);
+            if far > 0.0 && is_open(box_of(eye, pose, [cols, rows], [near, far])) {
+                for (row, line) in (rows[0]..).zip(lines.chunks_exact(width)) {
+                    let pixels = (from..).zip(&line[from..cols[1]]).filter(|&(_, &depth)| depth > 0.0);
+                    points.extend(pixels.map(|(col, &depth)| eye.unproject(col, row, depth)));
+                }
+            }
+        }
+    }
+}
+
+/// Lower and upper corner of a box around all points that pixels of some columns and rows can show between two depths.
+fn box_of(eye: PosedCamera, pose: &Pose, [cols, rows]: [[usize; 2]; 2], [near, far]: [f32; 2]) -> [Vec3; 2] {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    // Points are linear in column, row and depth, so those of the corners are the outermost.
+    for ray in cols.map(|col| rows.map(|row| eye.ray(col, row))).as_flattened() {
+        for corner in [pose.position + near * ray, pose.position + far * ray] {
+            (low, high) = (low.min(corner), high.max(corner));
+        }
+    }
+    // Far more than what roundings move.
+    let hair = 1e-5 * (pose.position.abs().max_element() + far);
+    [low - hair, high + hair]
 }
 
 /// The share of the surface that is visible with the camera, the points and the tolerance of `config`, 0 to 1.
