@@ -123,6 +123,8 @@ def main():
         folder = Path(folder)
         subprocess.run([*BENCH, "--export", folder], cwd=ROOT, check=True)
         library, ours = build_embree(folder), Ours()
+        # Now, not at the end: the commit is the one that was built.
+        about = machine(library)
         houses = [House(folder, number) for number in range(3)]
         frames, whole, checks, parts = [], [], [], []
         for number, house in enumerate(houses):
@@ -133,7 +135,7 @@ def main():
             times, of_recipes = measure_steps(ours, number, house, packets, camera, steps)
             whole.append(times)
             parts.append(of_recipes)
-    text = [machine(library), "", table("frame of 456×256", houses, frames), "", table("whole step", houses, whole), ""]
+    text = [about, "", table("frame of 456×256", houses, frames), "", table("whole step", houses, whole), ""]
     text += [f"The recipes at step {MIDDLE}, by parts, ms:", ""]
     for house, of_recipes in zip(houses, parts):
         for name, all in of_recipes.items():
