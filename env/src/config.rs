@@ -35,7 +35,7 @@ pub struct SimConfig {
 impl Default for SimConfig {
     fn default() -> Self {
         Self {
-            agent: Agent::Lattice,
+            agent: Agent::Lattice {},
             camera: Camera::default(),
             colour: Colour::Off,
             noise: NoiseConfig::default(),
@@ -125,7 +125,7 @@ impl SimConfig {
             ((1..=64).contains(&self.captures), "captures", self.captures.to_string(), "from 1 to 64"),
         ];
         let motions = match &self.agent {
-            Agent::Lattice => None,
+            Agent::Lattice {} => None,
             Agent::Continuous(config) => config.fault(),
         };
         let fault = checks.into_iter().find(|(ok, ..)| !ok).map(|(_, field, value, want)| (field, value, want));

@@ -11,14 +11,21 @@ use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
 /// What moves through the scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Agent {
     /// From node to node of a lattice of 1.5 m, 1.65 m above the floor, in eight headings (paper, section 5.1).
-    #[default]
-    Lattice,
+    ///
+    /// In braces, so that settings of the other kind are refused here and not ignored.
+    Lattice {},
     /// By small motions; a lattice remains as what policies plan on.
     Continuous(MotionConfig),
+}
+
+impl Default for Agent {
+    fn default() -> Self {
+        Self::Lattice {}
+    }
 }
 
 /// How the continuous agent is built.
@@ -219,11 +226,12 @@ mod tests {
     #[test]
     fn the_kind_is_said_in_the_settings() {
         let read = |json: &str| serde_json::from_str::<Agent>(json);
-        assert_eq!(read(r#"{"kind":"lattice"}"#).unwrap(), Agent::Lattice);
+        assert_eq!(read(r#"{"kind":"lattice"}"#).unwrap(), Agent::Lattice {});
         let built = MotionConfig { forward: 0.25, turn_degrees: 30.0, ..MotionConfig::default() };
         let said = r#"{"kind":"continuous","forward":0.25,"turn_degrees":30.0}"#;
         assert_eq!(read(said).unwrap(), Agent::Continuous(built));
         assert!(read(r#"{"kind":"continuous","forwards":0.25}"#).is_err());
+        assert!(read(r#"{"kind":"lattice","forward":0.25}"#).unwrap_err().to_string().contains("forward"));
         assert!(read(r#"{"kind":"flying"}"#).unwrap_err().to_string().contains("lattice"));
         for (config, field) in [
             (MotionConfig { forward: 0.0, ..built }, "agent.forward"),

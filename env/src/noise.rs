@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn noise_is_in_the_reconstruction_and_repeats_itself() {
         let loud = NoiseConfig { depth: 0.02, depth_square: 0.001, dropout: 0.3, position: 0.1, azimuth_degrees: 3.0 };
-        for agent in [Agent::Lattice, Agent::Continuous(MotionConfig::default())] {
+        for agent in [Agent::Lattice {}, Agent::Continuous(MotionConfig::default())] {
             let told = |noise, seed| {
                 let episode = episode(noise, agent, seed);
                 let cloud: Vec<[u32; 3]> =

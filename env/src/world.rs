@@ -43,7 +43,7 @@ impl World {
         let config = SimConfig { camera: *sensor.camera(), ..config.clone() };
         config.validate()?;
         let scene = match &config.agent {
-            Agent::Lattice => scene,
+            Agent::Lattice {} => scene,
             Agent::Continuous(agent) => scene.for_robot(agent.camera_height, agent.lattice_step, agent.clearance())?,
         };
         let surface = Surface::of(&scene, &config.coverage);

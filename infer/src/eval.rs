@@ -108,9 +108,15 @@ pub fn run(
 }
 
 /// The share of each scene's surface that can be seen from the poses of its lattice, 0 to 1: the most that can be covered.
-pub fn visible_shares(worlds: &[Arc<World>]) -> BTreeMap<String, f64> {
-    let share = |world: &World| world.visibility().visible().len() as f64 / world.surface().len() as f64;
-    worlds.iter().map(|world| (world.scene().name().to_owned(), share(world))).collect()
+/// `on_scene` is called after each with the number of those done.
+pub fn visible_shares(worlds: &[Arc<World>], mut on_scene: impl FnMut(usize)) -> BTreeMap<String, f64> {
+    let mut shares = BTreeMap::new();
+    for (number, world) in worlds.iter().enumerate() {
+        let share = world.visibility().visible().len() as f64 / world.surface().len() as f64;
+        shares.insert(world.scene().name().to_owned(), share);
+        on_scene(number + 1);
+    }
+    shares
 }
 
 fn jobs<'a>(worlds: &'a [Arc<World>], context: &PolicyContext, config: &EvalConfig) -> Result<Vec<Job<'a>>, EvalError> {

@@ -111,8 +111,10 @@ impl Journal {
 
 /// The readable lines of a file, none if it is not there, and whether its last line is torn.
 fn read(path: &Path) -> io::Result<(Vec<Line<EpisodeRecord>>, bool)> {
-    match fs::read_to_string(path) {
-        Ok(text) => {
+    match fs::read(path) {
+        Ok(bytes) => {
+            // A damaged line is one episode to run again.
+            let text = String::from_utf8_lossy(&bytes);
             let lines = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
             Ok((lines, !text.is_empty() && !text.ends_with('\n')))
         }
@@ -147,7 +149,7 @@ mod tests {
         drop(journal);
         let file = dir.path().join(FILE);
         let text = fs::read_to_string(&file).unwrap();
-        fs::write(&file, &text[..text.len() - 30]).unwrap();
+        fs::write(&file, [&b"\xff\xfe\n"[..], &text.as_bytes()[..text.len() - 30]].concat()).unwrap();
 
         let (journal, records) = Journal::open(dir.path(), prints.clone()).unwrap();
         assert_eq!(records, [record("fbe", 0)]);

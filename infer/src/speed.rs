@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn every_step_of_either_world_has_its_input() {
         let motions = Agent::Continuous(MotionConfig::default());
-        for agent in [Agent::Lattice, motions] {
+        for agent in [Agent::Lattice {}, motions] {
             let config = SimConfig { agent, ..SimConfig::default() };
             let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
             let mut parts = Parts::default();

@@ -50,8 +50,9 @@ pub fn summarise(episodes: &[EpisodeRecord], visible: &BTreeMap<String, f64>) ->
         let (final_coverage_mean, final_coverage_std) =
             mean_std(&of_policy().map(|r| r.final_coverage).collect::<Vec<_>>());
         let (auc_mean, auc_std) = mean_std(&of_policy().map(|r| r.auc).collect::<Vec<_>>());
-        let of_visible: Option<Vec<f64>> =
-            of_policy().map(|r| visible.get(&r.scene).map(|share| r.final_coverage / share)).collect();
+        let of_visible: Option<Vec<f64>> = of_policy()
+            .map(|r| visible.get(&r.scene).filter(|&&share| share > 0.0).map(|share| r.final_coverage / share))
+            .collect();
         let (of_visible_mean, of_visible_std) = of_visible.map(|shares| mean_std(&shares)).unzip();
         let completion = |of: fn(&Completion) -> f64| {
             let values: Vec<f64> = of_policy().filter_map(|r| r.completion.as_ref().map(of)).collect();

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use clap::Parser;
-use nbp_env::explain::told_once;
+use nbp_env::explain::{show, tell, told_once};
 use nbp_model::{DeviceChoice, Nbp, weights};
 use nbp_train::checkpoint::{self, Progress};
 use nbp_train::config::{self, Config};
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Complete) => ExitCode::SUCCESS,
         Ok(Outcome::Interrupted) => ExitCode::from(130),
         Err(error) => {
-            eprintln!("error: {}", told_once(error.chain().map(ToString::to_string)));
+            tell(format_args!("error: {}", told_once(error.chain().map(ToString::to_string))));
             ExitCode::FAILURE
         }
     }
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
 fn train(arguments: &Arguments) -> Result<Outcome> {
     let (config, name) = configure(arguments)?;
     if arguments.print_config {
-        print!("{}", config.to_toml()?);
+        show(config.to_toml()?.trim_end())?;
         return Ok(Outcome::Complete);
     }
     if let Some(threads) = arguments.threads {
@@ -100,7 +100,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
     let log =
         Log::open(&folder, progress.steps, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
     if progress.done {
-        eprintln!("the run in {} is complete; train another with --run DIR", folder.display());
+        tell(format_args!("the run in {} is complete; train another with --run DIR", folder.display()));
         return finish(&config, &folder, &log);
     }
     if has_last || has_best {
@@ -127,7 +127,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
         log,
     };
     if session.run()? == Outcome::Interrupted {
-        eprintln!("saved in {}; the same command resumes", folder.display());
+        tell(format_args!("saved in {}; the same command resumes", folder.display()));
         return Ok(Outcome::Interrupted);
     }
     finish(&config, &folder, &session.log)
@@ -148,8 +148,8 @@ fn finish(config: &Config, folder: &Path, log: &Log) -> Result<Outcome> {
             table
         }
     };
-    println!("{table}");
-    eprintln!("checkpoint: {}", checkpoint::best(folder).display());
+    show(&table)?;
+    tell(format_args!("checkpoint: {}", checkpoint::best(folder).display()));
     Ok(Outcome::Complete)
 }
 

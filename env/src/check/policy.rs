@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn motions_are_tried_in_the_continuous_world_and_actions_as_well() {
-        let [lattice, continuous] = [Agent::Lattice, Agent::Continuous(MotionConfig::default())].map(|agent| {
+        let [lattice, continuous] = [Agent::Lattice {}, Agent::Continuous(MotionConfig::default())].map(|agent| {
             let config = SimConfig { agent, camera: SMALL, ..SimConfig::default() };
             Arc::new(World::new(Scene::two_rooms(), &config).unwrap())
         });

@@ -144,7 +144,7 @@ impl Episode {
         let map = AgentMap::new(encode.window, encode.layers, world.scene().floor());
         let pose = world.scene().lattice().pose(start);
         let walker = match world.config().agent {
-            Agent::Lattice => None,
+            Agent::Lattice {} => None,
             Agent::Continuous(config) => Some(Walker::new(config, pose)),
         };
         let mut episode = Self {

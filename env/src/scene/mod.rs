@@ -105,6 +105,9 @@ pub enum SceneError {
 /// one means that the settings' units are wrong.
 const MAX_NODES: i64 = 1_000_000;
 
+/// A start that moves farther to a new lattice is worth a note, metres.
+const NOTABLE_MOVE: f32 = 1.0;
+
 /// Largest side of a mesh's box, metres. The largest map that Doom can hold has 1311.
 const MAX_EXTENT: f32 = 2000.0;
 
@@ -218,7 +221,13 @@ impl Scene {
             let open = (0..self.lattice.len()).map(|index| self.lattice.node(index));
             let open = open.filter(|&node| self.graph.neighbours(node).next().is_some());
             let nearest = open.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            starts.extend(nearest.map(|node| LatticePose { node, heading: start.heading }));
+            let Some(node) = nearest else { continue };
+            let moved = distance(&node).sqrt();
+            if moved > NOTABLE_MOVE {
+                self.notes
+                    .push(format!("scene {}: a start moves {moved:.1} m to a node of the new lattice", self.name));
+            }
+            starts.push(LatticePose { node, heading: start.heading });
         }
         self.starts = starts;
         Ok(self)

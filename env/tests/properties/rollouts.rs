@@ -43,7 +43,7 @@ fn told(episode: &Episode) -> Told {
 
 /// The lattice world and the continuous one.
 fn worlds() -> [Arc<World>; 2] {
-    [Agent::Lattice, Agent::Continuous(MotionConfig::default())].map(|agent| {
+    [Agent::Lattice {}, Agent::Continuous(MotionConfig::default())].map(|agent| {
         let camera = Camera { width: 60, height: 34, ..Camera::default() };
         let mut config = SimConfig { agent, camera, ..SimConfig::default() };
         config.coverage.points = 500;

@@ -5,7 +5,7 @@ use super::setup::{self, Setup};
 use super::talk::Talk;
 use super::usage;
 use anyhow::{Context, Result};
-use nbp_env::Scene;
+use nbp_env::explain::{show, tell};
 use nbp_env::scene::LoadOptions;
 use nbp_infer::journal::{Fingerprints, Journal};
 use nbp_infer::{EvalConfig, PolicyKind, checkpoint, eval, export, plot, source, table};
@@ -67,8 +67,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let scenes = source::load_all(&args.scenes, LoadOptions::default(), on_scene);
     bar.finish();
     let scenes = scenes.context("cannot use the scenes")?;
-    scenes.iter().flat_map(Scene::notes).for_each(|note| talk.say(format!("note: {note}")));
-    let worlds = setup::worlds(scenes, &settings)?;
+    let worlds = setup::worlds(scenes, &settings, talk)?;
     let weights = match (&args.setup.checkpoint, &context.predictor) {
         (Some(path), Some(_)) => Some(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?),
         _ => None,
@@ -88,16 +87,25 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         if let Err(error) = journal.append(record)
             && !warned.swap(true, Ordering::Relaxed)
         {
-            eprintln!("warning: cannot write the journal in {folder}: {error}; going on without it");
+            tell(format_args!("warning: cannot write the journal in {folder}: {error}; going on without it"));
         }
         bar.set(progress.finished, progress.total);
     });
     bar.finish();
     let episodes = episodes?;
-    let visible = if args.visible { eval::visible_shares(&worlds) } else { BTreeMap::new() };
+    let visible = if args.visible {
+        let what = "scenes measured for what can be seen";
+        talk.say(format!("{what}: 0/{}", worlds.len()));
+        let bar = talk.bar(worlds.len(), what);
+        let visible = eval::visible_shares(&worlds, |done| bar.set(done, worlds.len()));
+        bar.finish();
+        visible
+    } else {
+        BTreeMap::new()
+    };
     let rows = table::summarise(&episodes, &visible);
     // First to the terminal: there it is safe whatever the disk says.
-    print!("{}", table::text(&rows));
+    let shown = show(table::text(&rows).trim_end());
     out.write("episodes.csv", export::episodes_csv(&episodes))?;
     if args.visible {
         out.write("visible.csv", export::visible_csv(&visible))?;
@@ -113,7 +121,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     });
     out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
     talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));
-    Ok(())
+    Ok(shown?)
 }
 
 fn title(scenes: usize, episodes: usize) -> String {

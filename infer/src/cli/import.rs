@@ -3,6 +3,7 @@
 use super::output::Output;
 use super::talk::Talk;
 use anyhow::{Context, Result};
+use nbp_env::explain::show;
 use nbp_env::window::WindowSize;
 use nbp_infer::checkpoint;
 use nbp_model::{DeviceChoice, weights};
@@ -37,7 +38,7 @@ pub(super) fn run(args: &Args, talk: Talk) -> Result<()> {
     checkpoint::remember(&mut imported.config, &settings)?;
     weights::save(out.folder(), &imported.net, &imported.config)?;
     let net = imported.config.net;
-    println!(
+    show(format_args!(
         "{}: {} parameters, base width {}, {} input channels, window {} pixels over {} m",
         out.folder().display(),
         net.parameters(),
@@ -45,7 +46,7 @@ pub(super) fn run(args: &Args, talk: Talk) -> Result<()> {
         net.in_channels,
         window.pixels,
         window.metres
-    );
+    ))?;
     talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
     Ok(())
 }

@@ -11,7 +11,7 @@ mod speed;
 mod talk;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use nbp_env::explain::told_once;
+use nbp_env::explain::{tell, told_once};
 use nbp_model::DeviceChoice;
 use std::process::ExitCode;
 use talk::Talk;
@@ -47,8 +47,8 @@ struct Common {
     #[arg(long, global = true, default_value_t = DeviceChoice::Auto, value_name = "DEVICE")]
     device: DeviceChoice,
     /// Threads to use; one a core if left out or 0. Results do not depend on it
-    #[arg(long, global = true, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: Option<u16>,
     /// Say nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -75,17 +75,17 @@ enum Command {
 pub(crate) fn main() -> ExitCode {
     let Cli { common, command } = Cli::parse();
     let talk = Talk::new(common.quiet, common.verbose);
-    let result = threads(common.threads.unwrap_or(0)).and_then(|()| match command {
+    let result = threads(usize::from(common.threads.unwrap_or(0))).and_then(|()| match command {
         Command::Rollout(args) => rollout::run(&args, common.device, talk),
         Command::Eval(args) => eval::run(&args, common.device, talk),
-        Command::Speed(args) => speed::run(&args, common.threads, talk),
+        Command::Speed(args) => speed::run(&args, common.threads.map(usize::from), talk),
         Command::Predict(args) => predict::run(&args, common.device, talk),
         Command::Import(args) => import::run(&args, talk),
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", told_once(error.chain().map(ToString::to_string)));
+            tell(format_args!("error: {}", told_once(error.chain().map(ToString::to_string))));
             ExitCode::FAILURE
         }
     }

@@ -26,6 +26,9 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read the configuration {name}"))?;
         let table: toml::Table = text.parse().with_context(|| format!("{name} is not TOML"))?;
         for (key, value) in table {
+            if let Some(key) = not_finite(&key, &value) {
+                bail!("{name}: {key} must be a finite number");
+            }
             let value = serde_json::to_value(value)?;
             match (key.as_str(), value) {
                 ("sim" | "policy", value) => merge(&mut tree[&key], value),
@@ -51,7 +54,32 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
 
 /// The same settings with every default written down, so that the next override finds its key.
 fn spelt_out(tree: Value) -> Result<Value> {
-    Ok(serde_json::to_value(serde_json::from_value::<Settings>(tree)?)?)
+    let spelt = serde_json::to_value(serde_json::from_value::<Settings>(tree.clone())?)?;
+    match too_large("", &tree, &spelt) {
+        Some((key, number)) => bail!("{key} is {number}, which is too large"),
+        None => Ok(spelt),
+    }
+}
+
+/// The key of a number that is infinite or none.
+fn not_finite(key: &str, value: &toml::Value) -> Option<String> {
+    match value {
+        toml::Value::Float(number) if !number.is_finite() => Some(key.to_owned()),
+        toml::Value::Table(table) => table.iter().find_map(|(name, value)| not_finite(&format!("{key}.{name}"), value)),
+        _ => None,
+    }
+}
+
+/// The key of a number that `f32` cannot hold: it was read as infinite, and JSON has no word for that.
+fn too_large(key: &str, given: &Value, read: &Value) -> Option<(String, f64)> {
+    match (given, read) {
+        (Value::Number(number), Value::Null) => Some((key.to_owned(), number.as_f64()?)),
+        (Value::Object(given), Value::Object(read)) => given.iter().find_map(|(name, value)| {
+            let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+            too_large(&key, value, read.get(name)?)
+        }),
+        _ => None,
+    }
 }
 
 /// Tables merge key by key, everything else is replaced; so is a table that says which kind or rule it is, whose keys
@@ -101,6 +129,7 @@ mod tests {
         assert!(message("sim.keep=many").contains("--set sim.keep=many"));
         assert!(message("sim.keep=7").contains("sim.keep is 7"));
         assert!(message("sim.keep.x=7").contains("plain value"));
+        assert!(message("sim.camera.hfov_degrees=1e39").contains("sim.camera.hfov_degrees is 1e39"));
     }
 
     #[test]

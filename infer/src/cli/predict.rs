@@ -3,6 +3,7 @@
 use super::output::Output;
 use super::talk::Talk;
 use anyhow::{Context, Result, bail};
+use nbp_env::explain::show;
 use nbp_infer::checkpoint;
 use nbp_model::DeviceChoice;
 use safetensors::SafeTensors;
@@ -42,7 +43,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     out.write(&name, serialize(views, None)?)?;
     for ((name, shape), map) in shapes.iter().zip([&maps.value, &maps.obstacle]) {
         let [low, high] = map.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)]);
-        println!("{name} {shape:?} from {low} to {high}");
+        show(format_args!("{name} {shape:?} from {low} to {high}"))?;
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use super::talk::Talk;
 use anyhow::{Context, Result};
 use nbp_env::Policy;
 use nbp_env::completion::Completion;
+use nbp_env::explain::show;
 use nbp_env::scene::LoadOptions;
 use nbp_infer::rollout::{Rollout, Trial, run_episode};
 use nbp_infer::{PolicyKind, export, picture, plot, registry, source};
@@ -40,8 +41,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let Setup { settings, context, steps } = args.setup.setup(read, &[args.policy], device, talk)?;
     let options = LoadOptions { colour: settings.sim.colour.is_on() };
     let scene = source::load_one(&args.scene, options).context("cannot use the scene")?;
-    scene.notes().iter().for_each(|note| talk.say(format!("note: {note}")));
-    let world = setup::worlds(vec![scene], &settings)?.swap_remove(0);
+    let world = setup::worlds(vec![scene], &settings, talk)?.swap_remove(0);
     talk.say(format!(
         "scene {}: {} triangles, {} free poses",
         world.scene().name(),
@@ -83,7 +83,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let completion = record.completion.map_or(String::new(), |Completion { share, mean_distance }| {
         format!(", Comp. {:.2} %, {:.2} cm", 100.0 * share, 100.0 * mean_distance)
     });
-    println!(
+    show(format_args!(
         "{} {}: {:.1} % covered after {} steps, AUC {:.3}, {:.1} m walked, bumps: {}, {:.1} ms a decision{completion}",
         record.scene,
         record.policy,
@@ -93,7 +93,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         record.path_length,
         record.bumps,
         record.decision_ms
-    );
+    ))?;
     talk.say(format!(
         "wrote cloud.ply, trajectory.json, coverage.csv, coverage.svg, topdown.png to {}",
         out.folder().display()

@@ -112,7 +112,9 @@ impl Args {
 }
 
 /// Scenes ready for episodes.
-pub(super) fn worlds(scenes: Vec<Scene>, settings: &Settings) -> Result<Vec<Arc<World>>> {
+pub(super) fn worlds(scenes: Vec<Scene>, settings: &Settings, talk: Talk) -> Result<Vec<Arc<World>>> {
     let world = |scene: Scene| Ok(Arc::new(World::new(scene, &settings.sim)?));
-    scenes.into_par_iter().map(world).collect()
+    let worlds: Vec<Arc<World>> = scenes.into_par_iter().map(world).collect::<Result<_>>()?;
+    worlds.iter().flat_map(|world| world.scene().notes()).for_each(|note| talk.say(format!("note: {note}")));
+    Ok(worlds)
 }

@@ -3,7 +3,7 @@
 use super::talk::Talk;
 use super::{overrides, setup, usage};
 use anyhow::{Context, Result};
-use nbp_env::Scene;
+use nbp_env::explain::show;
 use nbp_env::scene::LoadOptions;
 use nbp_infer::speed::{Speed, SpeedConfig, measure};
 use nbp_infer::{PolicyKind, Settings, source};
@@ -65,8 +65,7 @@ pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()>
     let scenes = source::load_all(&args.scenes, LoadOptions { colour: settings.sim.colour.is_on() }, on_scene);
     bar.finish();
     let scenes = scenes.context("cannot use the scenes")?;
-    scenes.iter().flat_map(Scene::notes).for_each(|note| talk.say(format!("note: {note}")));
-    let worlds = setup::worlds(scenes, &settings)?;
+    let worlds = setup::worlds(scenes, &settings, talk)?;
     let threads = threads
         .filter(|&count| count > 0)
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
@@ -76,16 +75,16 @@ pub(super) fn run(args: &Args, threads: Option<usize>, talk: Talk) -> Result<()>
     bar.finish();
     let speed = speed?;
     if args.json {
-        println!("{}", serde_json::to_string(&speed)?);
+        show(serde_json::to_string(&speed)?)?;
     } else {
         let triangles: usize = worlds.iter().map(|world| world.scene().mesh().triangles().len()).sum();
-        println!(
+        show(format_args!(
             "scenes: {}, triangles on average: {}, episodes of {steps} steps by {}",
             worlds.len(),
             triangles / worlds.len(),
             args.policy
-        );
-        print!("{}", table(&speed, threads));
+        ))?;
+        show(table(&speed, threads).trim_end())?;
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! What the program says while it works: lines and progress bars on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nbp_env::explain::tell;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -24,13 +25,13 @@ impl Talk {
 
     pub(super) fn say(self, line: impl AsRef<str>) {
         if self >= Self::Normal {
-            eprintln!("{}", line.as_ref());
+            tell(line.as_ref());
         }
     }
 
     pub(super) fn detail(self, line: impl AsRef<str>) {
         if self >= Self::Verbose {
-            eprintln!("{}", line.as_ref());
+            tell(line.as_ref());
         }
     }
 
@@ -71,7 +72,7 @@ impl Bar {
         if self.lines && self.tenths.fetch_max(tenths, Ordering::Relaxed) < tenths {
             let elapsed = self.begun.elapsed().as_secs_f64();
             let left = elapsed / done.max(1) as f64 * (total - done.min(total)) as f64;
-            eprintln!("{} {done}/{total}, {elapsed:.0} s elapsed, about {left:.0} s to go", self.what);
+            tell(format_args!("{} {done}/{total}, {elapsed:.0} s elapsed, about {left:.0} s to go", self.what));
         }
     }
 

@@ -1,6 +1,7 @@
 //! Progress: a bar with ETA on a terminal, a line now and then elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nbp_env::explain::tell;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -72,7 +73,10 @@ impl Progress {
             *said = Instant::now();
             let elapsed = self.begun.elapsed().as_secs_f64();
             let left = elapsed / done.max(1) as f64 * (self.total.saturating_sub(done)) as f64;
-            eprintln!("{}: {done}/{}, {elapsed:.0} s elapsed, {left:.0} s left  {message}", self.what, self.total);
+            tell(format_args!(
+                "{}: {done}/{}, {elapsed:.0} s elapsed, {left:.0} s left  {message}",
+                self.what, self.total
+            ));
         }
     }
 
