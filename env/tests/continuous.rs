@@ -183,3 +183,23 @@ fn frontiers_lead_through_both_rooms_and_beat_chance() {
         assert!(fbe.curve().iter().sum::<f32>() > random.curve().iter().sum::<f32>());
     }
 }
+
+#[test]
+fn wherever_motions_have_led_actions_lead_on() {
+    let world = world(MotionConfig { radius: 0.1, ..MotionConfig::default() });
+    for seed in 0..20 {
+        let mut episode = Episode::random(Arc::clone(&world), 100_000, SeedTree::new(seed));
+        let mut rng = SeedTree::new(seed).rng();
+        // Into corners and beside walls: mostly forward.
+        for n in 0..150 {
+            let motion = Random.motion(&episode.view(), &mut rng).unwrap().unwrap();
+            episode.move_by(if n % 3 == 0 { motion } else { Motion::Forward });
+        }
+        let from = episode.path_length();
+        for _ in 0..40 {
+            let action = Random.act(&episode.view(), &mut rng).unwrap();
+            episode.step(action);
+        }
+        assert!(episode.path_length() - from > 2.0, "seed {seed}: {} m", episode.path_length() - from);
+    }
+}
