@@ -51,7 +51,7 @@ impl Default for SimConfig {
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
     /// In the camera.
-    #[error(transparent)]
+    #[error("sim.{0}")]
     Camera(#[from] CameraError),
     /// The scene has no room for the agent.
     #[error(transparent)]
@@ -113,7 +113,7 @@ impl SimConfig {
                 is_positive(encode.layers.top - encode.layers.bottom),
                 "encode.layers.top",
                 encode.layers.top.to_string(),
-                "above encode.layers.bottom",
+                "above encode.layers.bottom, by a finite number of metres",
             ),
             (
                 (1..=10_000_000).contains(&self.coverage.points) && (1e-6..=1e3).contains(&self.coverage.epsilon),

@@ -227,7 +227,7 @@ fn bad_input_is_an_error_that_says_what_to_do() {
         (&format!("{rollout} file"), 1, "is not a scene"),
         ("eval --scenes net --out o", 1, "holds no scene"),
         ("eval --scenes scenes --out o --policies random,nbp", 2, "policy nbp needs a network"),
-        ("eval --scenes scenes --out o --seeds 0", 2, "at least 1"),
+        ("eval --scenes scenes --out o --seeds 0", 2, "not in 1..=10000"),
         ("speed --scenes nowhere", 1, "there is no nowhere"),
         ("speed --scenes net", 1, "holds no scene"),
         ("speed --scenes bad.obj", 1, "line 1"),

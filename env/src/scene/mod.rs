@@ -89,7 +89,7 @@ pub enum SceneError {
     #[error(
         "scene {scene}: no free lattice pose at height {height} m among {nodes}: the camera plane must cut the interior; it \
          lies above the floor, which camera.x_min[1] in settings.json names, by 1.65 m or agent.camera_height (in scans, at \
-         most 2.65 m)"
+         most 2.65 m); a smaller agent.radius or agent.lattice_step finds narrower ways"
     )]
     NoFreePose {
         /// Scene name.

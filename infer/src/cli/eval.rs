@@ -27,8 +27,8 @@ pub(super) struct Args {
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     policies: Vec<PolicyKind>,
     /// Episodes from every start, each with its own seed
-    #[arg(long, default_value_t = 1, value_name = "N")]
-    seeds: usize,
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    seeds: u16,
     /// Only the first so many starts of each scene
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
@@ -44,8 +44,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
-    if args.seeds == 0 || args.starts == Some(0) {
-        usage("--seeds and --starts must be at least 1");
+    if args.starts == Some(0) {
+        usage("--starts must be at least 1");
     }
     let out = Output::prepare(&args.out)?;
     let read = args.setup.read()?;
@@ -57,8 +57,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         });
     }
     let starts_limit = args.starts.or(read.eval.starts);
+    anyhow::ensure!(starts_limit != Some(0), "eval.starts is 0: it must be at least 1");
     let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, talk)?;
-    let (seeds, seed) = (args.seeds, args.setup.seed);
+    let (seeds, seed) = (usize::from(args.seeds), args.setup.seed);
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit };
 
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));

@@ -56,7 +56,7 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
 fn spelt_out(tree: Value) -> Result<Value> {
     let spelt = serde_json::to_value(serde_json::from_value::<Settings>(tree.clone())?)?;
     match too_large("", &tree, &spelt) {
-        Some((key, number)) => bail!("{key} is {number}, which is too large"),
+        Some((key, number)) => bail!("{key} is {number:e}, which is too large"),
         None => Ok(spelt),
     }
 }
