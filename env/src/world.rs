@@ -76,7 +76,7 @@ impl World {
         &self.obstacles
     }
 
-    /// A pose drawn from the nodes of the largest connected component and all headings: where [`Episode::reset`] starts.
+    /// A pose drawn from the nodes of the largest connected component and all headings: where [`Episode::reset`](crate::Episode::reset) starts.
     pub fn random_start(&self, seed: SeedTree) -> LatticePose {
         let mut rng = seed.child("start", 0).rng();
         // A scene without a free node is refused, so the first start is never asked for.

@@ -174,7 +174,7 @@ impl Episode {
     /// Performs an action. After the horizon nothing happens any more.
     ///
     /// In the lattice world it is one step. In the continuous world the agent walks to the neighbouring node and turns to
-    /// the heading, see [`pilot`]; each motion is a step, the horizon may end them anywhere, and the first one that is
+    /// the heading, see [`pilot`](crate::pilot); each motion is a step, the horizon may end them anywhere, and the first one that is
     /// blocked ends the action. Where there is nothing to do, one step is spent standing.
     pub fn step(&mut self, action: Action) -> StepOutcome {
         let bumped = match self.walker {
