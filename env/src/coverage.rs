@@ -146,7 +146,8 @@ impl Surface {
     fn cell_of(&self, point: Vec3) -> Option<usize> {
         // Cells below zero wrap around to more than there are.
         let [x, y, z] = ((point - self.low) / self.cell).to_array().map(|v| cell_of(v) as usize);
-        (x < self.shape[0] && y < self.shape[1] && z < self.shape[2])
+        // What is no number compares with nothing, and would cover all.
+        (point.is_finite() && x < self.shape[0] && y < self.shape[1] && z < self.shape[2])
             .then(|| (x * self.shape[1] + y) * self.shape[2] + z)
     }
 }
@@ -291,5 +292,12 @@ mod tests {
                 prop_assert!(if is_done { nearest > 0.999 } else { nearest < 1.001 }, "{} {}", is_done, nearest);
             }
         }
+    }
+
+    #[test]
+    fn points_that_are_no_numbers_cover_nothing() {
+        let surface = Surface::new(vec![Vec3::ZERO, Vec3::ONE], 0.5);
+        let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].map(|v| Vec3::new(0.0, v, 0.0));
+        assert!(surface.covered_by(&odd).is_empty());
     }
 }

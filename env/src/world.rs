@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn episodes_see_with_a_sensor_of_ones_own() {
-        /// Everything stands at arm's length.
+        /// Everything stands at arm's length, or is no distance at all.
         struct Fog(Camera);
 
         impl Sensor for Fog {
@@ -195,7 +195,7 @@ mod tests {
 
             fn capture(&self, _: &Scene, _: &Pose, out: &mut Frame) {
                 (out.width, out.height) = (self.0.width, self.0.height);
-                out.depth = vec![0.5; self.0.width * self.0.height];
+                out.depth = [0.5, f32::NAN, 0.5, f32::INFINITY].repeat(self.0.width * self.0.height / 4);
             }
         }
 

@@ -24,7 +24,7 @@ impl Kept {
         let mut kept = Kept { pixels: Vec::with_capacity(most), points: Vec::with_capacity(most) };
         for begin in (0..frame.depth.len()).step_by(run) {
             let index = begin + rng.random_range(0..run);
-            if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0) {
+            if let Some(&depth) = frame.depth.get(index).filter(|&&depth| depth > 0.0 && depth.is_finite()) {
                 kept.pixels.push(index as u32);
                 kept.points.push(eye.unproject(index % frame.width, index / frame.width, depth));
             }

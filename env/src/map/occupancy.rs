@@ -62,7 +62,7 @@ impl OccupancyGrid {
         let [mut low, mut high] = [pose.position, pose.position];
         for col in 0..frame.width {
             let depth = frame.depth[row * frame.width + col];
-            if depth > 0.0 {
+            if depth > 0.0 && depth.is_finite() {
                 let hit = eye.unproject(col, row, depth);
                 // A surface on the border of two cells belongs to the farther one.
                 let hit = hit + 0.02 * (hit - pose.position).normalize_or_zero();
