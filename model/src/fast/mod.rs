@@ -47,7 +47,7 @@ pub(crate) fn conv(x_bchw: &Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>, dou
 }
 
 /// 2×2 maximum pool of even sides, `None` if Burn has to do it.
-pub(crate) fn pool(x_bchw: &Tensor<4>) -> Option<Tensor<4>> {
+pub fn pool(x_bchw: &Tensor<4>) -> Option<Tensor<4>> {
     let [_, _, h, w] = x_bchw.dims();
     let known = h.is_multiple_of(2) && w.is_multiple_of(2);
     (takes(x_bchw) && known)
@@ -55,7 +55,7 @@ pub(crate) fn pool(x_bchw: &Tensor<4>) -> Option<Tensor<4>> {
 }
 
 /// `[b, c, h, w]` · `[b, 1, h, w]`, `None` if Burn has to do it.
-pub(crate) fn scale(x_bchw: &Tensor<4>, factor_b1hw: &Tensor<4>) -> Option<Tensor<4>> {
+pub fn scale(x_bchw: &Tensor<4>, factor_b1hw: &Tensor<4>) -> Option<Tensor<4>> {
     takes(x_bchw).then(|| {
         let (x, factor) = (x_bchw.clone().into_dispatch(), factor_b1hw.clone().into_dispatch());
         Tensor::from_dispatch(<Dispatch as FastOps>::fast_scale(x, factor))
