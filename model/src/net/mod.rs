@@ -8,6 +8,8 @@ mod conv;
 mod decoder;
 mod encoder;
 mod gate;
+#[cfg(test)]
+mod gradients;
 mod init;
 mod norm;
 
