@@ -33,9 +33,15 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
     }
     let metrics = fs::read_to_string(run_folder.join("metrics.jsonl")).unwrap();
     let lines: Vec<serde_json::Value> = metrics.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    for key in
-        ["train/total", "train/sigma_value", "train/learning_rate", "validation/obstacle_bce", "collect/coverage_mean"]
-    {
+    for key in [
+        "train/total",
+        "train/sigma_value",
+        "train/learning_rate",
+        "validation/obstacle_bce",
+        "collect/coverage_mean",
+        "time/network",
+        "time_total/simulator",
+    ] {
         assert!(lines.iter().any(|line| line[key].as_f64().is_some_and(f64::is_finite)), "{key}");
     }
     let events = fs::read_dir(run_folder.join("tb")).unwrap().next().unwrap().unwrap().path();

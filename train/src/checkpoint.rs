@@ -1,5 +1,6 @@
 //! Checkpoints: a folder written aside, checksummed, then moved into place, so that a crash leaves the old or the new.
 
+use crate::clock::Spent;
 use crate::plateau::Plateau;
 use crate::step::Learner;
 use crate::validate::Validation;
@@ -18,7 +19,6 @@ const OPTIMISER_FILE: &str = "optimiser.bpk";
 
 /// Where in the loop a run stands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Progress {
     /// Iteration being worked on.
     pub iteration: usize,
@@ -38,8 +38,9 @@ pub struct Progress {
     pub plateau: Plateau,
     /// The last validation.
     pub validation: Option<Validation>,
-    /// Seconds of work so far.
-    pub seconds: f64,
+    /// Seconds of work so far, by what they were spent on.
+    #[serde(default)]
+    pub spent: Spent,
     /// All iterations are done, or the training stopped early.
     pub done: bool,
 }
@@ -57,7 +58,7 @@ impl Progress {
             held_out: 0,
             plateau: Plateau::new(lr),
             validation: None,
-            seconds: 0.0,
+            spent: Spent::default(),
             done: false,
         }
     }

@@ -1,5 +1,6 @@
 //! Gathering trajectories with the current model, and cutting them into samples (paper, section 4.3).
 
+use crate::clock::{ThreadSeconds, Timed};
 use crate::config::CollectConfig;
 use crate::interrupt;
 use crate::memory::PackedSample;
@@ -12,6 +13,7 @@ use nbp_env::world::{StartError, World};
 use nbp_env::{Heading, LatticePose, Policy, Predictor, SeedTree};
 use rand::RngExt as _;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// What one trajectory gave.
 pub struct Trajectory {
@@ -25,6 +27,8 @@ pub struct Trajectory {
     pub coverage: f32,
     /// Its last plan, for the log.
     pub plan: Option<Plan>,
+    /// Seconds that it took its thread, and those of them that went to labelling and packing samples.
+    seconds: [f64; 2],
 }
 
 /// Why there are no trajectories.
@@ -41,7 +45,8 @@ pub enum CollectError {
     Interrupted,
 }
 
-/// `count` trajectories in each world, in parallel; the result does not depend on the number of threads.
+/// `count` trajectories in each world, in parallel, and what their threads' time went to; the trajectories do not depend on
+/// the number of threads.
 ///
 /// # Errors
 /// When the predictor fails or the user interrupts.
@@ -52,17 +57,22 @@ pub fn trajectories(
     count: usize,
     seed: SeedTree,
     on_done: impl Fn(&Trajectory) + Sync,
-) -> Result<Vec<Trajectory>, CollectError> {
+) -> Result<(Vec<Trajectory>, ThreadSeconds), CollectError> {
+    let timed = Arc::new(Timed::new(Arc::clone(predictor)));
+    let predictor: Arc<dyn Predictor> = timed.clone();
     let jobs: Vec<(usize, usize)> = (0..worlds.len()).flat_map(|w| (0..count).map(move |n| (w, n))).collect();
-    try_map(&jobs, |&(w, n)| {
+    let trajectories = try_map(&jobs, |&(w, n)| {
         if interrupt::asked() {
             return Err(CollectError::Interrupted);
         }
         let seed = seed.child("world", w as u64).child("trajectory", n as u64);
-        let trajectory = trajectory(&worlds[w], predictor, config, seed)?;
+        let trajectory = trajectory(&worlds[w], &predictor, config, seed)?;
         on_done(&trajectory);
         Ok(trajectory)
-    })
+    })?;
+    let sum = |part: usize| trajectories.iter().map(|trajectory: &Trajectory| trajectory.seconds[part]).sum();
+    let threads = ThreadSeconds { inference: timed.seconds(), io: sum(1), all: sum(0) };
+    Ok((trajectories, threads))
 }
 
 fn trajectory(
@@ -71,6 +81,8 @@ fn trajectory(
     config: &CollectConfig,
     seed: SeedTree,
 ) -> Result<Trajectory, CollectError> {
+    let begun = Instant::now();
+    let mut packing = Duration::ZERO;
     let mut rng = seed.child("policy", 0).rng();
     // Never empty: a scene without a free pose is none.
     let nodes = world.scene().graph().largest_component();
@@ -89,19 +101,24 @@ fn trajectory(
         let action = policy.act(&episode.view(), &mut rng)?;
         // A plan made just now ends the path before it: the pose between them is its goal and the next one's start.
         if policy.plan().is_some_and(|plan| plan.made_at == episode.steps()) && path.len() > 1 {
+            let begun = Instant::now();
             samples.extend(cut(&path, world));
+            packing += begun.elapsed();
             path.drain(..path.len() - 1);
         }
         episode.step(action);
         path.push(waypoint(&episode));
     }
+    let last = Instant::now();
     samples.extend(cut(&path, world));
+    packing += last.elapsed();
     Ok(Trajectory {
         scene: world.scene().name().into(),
         samples,
         steps: episode.steps(),
         coverage: episode.curve().last().copied().unwrap_or_default(),
         plan: policy.plan().cloned(),
+        seconds: [begun.elapsed().as_secs_f64(), packing.as_secs_f64()],
     })
 }
 
@@ -160,7 +177,7 @@ mod tests {
         let config = CollectConfig { steps: 30, enough: 1.0, ..CollectConfig::default() };
         let predictor: Arc<dyn Predictor> = Arc::new(Flat);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| trajectories(&[world], &predictor, &config, 3, SeedTree::new(4), |_| ()).unwrap())
+        pool.install(|| trajectories(&[world], &predictor, &config, 3, SeedTree::new(4), |_| ()).unwrap().0)
     }
 
     #[test]

@@ -10,12 +10,14 @@ pub mod collect;
 pub mod curriculum;
 pub mod memory;
 
+pub mod ahead;
 pub mod augment;
 pub mod plateau;
 pub mod step;
 pub mod validate;
 
 pub mod checkpoint;
+pub mod clock;
 pub mod interrupt;
 pub mod log;
 pub mod report;

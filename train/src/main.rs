@@ -5,14 +5,16 @@ use clap::Parser;
 use nbp_env::explain::{show, tell, told_once};
 use nbp_model::{DeviceChoice, Nbp, weights};
 use nbp_train::checkpoint::{self, Progress};
+use nbp_train::clock::{Clock, Spent};
 use nbp_train::config::{self, Config};
 use nbp_train::log::{Bars, Log};
 use nbp_train::memory::Memory;
-use nbp_train::run::{Clock, Outcome, Session, describe};
+use nbp_train::run::{Outcome, Session, describe};
 use nbp_train::step::Learner;
 use nbp_train::{interrupt, report, scenes};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 use std::{fs, io};
 
 /// Trains NextBestPath: collects trajectories, learns from them, and compares itself with simpler policies.
@@ -101,7 +103,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
         Log::open(&folder, progress.steps, bars).with_context(|| format!("opening the log in {}", folder.display()))?;
     if progress.done {
         tell(format_args!("the run in {} is complete; train another with --run DIR", folder.display()));
-        return finish(&config, &folder, &log);
+        return finish(&config, &folder, &log, &progress.spent);
     }
     if has_last || has_best {
         tracing::info!("resuming at iteration {}, step {}", progress.iteration + 1, progress.steps);
@@ -117,7 +119,8 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
     let mut session = Session {
         memory: open("train.bin", progress.memory)?,
         held_out: open("validation.bin", progress.held_out)?,
-        clock: Clock::start(progress.seconds),
+        clock: Clock::start(progress.spent),
+        saved: Instant::now(),
         describe: describe(&config)?,
         folder: folder.clone(),
         config: config.clone(),
@@ -130,14 +133,14 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
         tell(format_args!("saved in {}; the same command resumes", folder.display()));
         return Ok(Outcome::Interrupted);
     }
-    finish(&config, &folder, &session.log)
+    finish(&config, &folder, &session.log, &session.progress.spent)
 }
 
 /// The final table, in a run's folder.
 const TABLE: &str = "eval/table.txt";
 
 /// Prints the final table, computed once and kept in `eval/`.
-fn finish(config: &Config, folder: &Path, log: &Log) -> Result<Outcome> {
+fn finish(config: &Config, folder: &Path, log: &Log, spent: &Spent) -> Result<Outcome> {
     interrupt::nothing_to_save();
     let kept = folder.join(TABLE);
     let table = match fs::read_to_string(&kept) {
@@ -149,6 +152,7 @@ fn finish(config: &Config, folder: &Path, log: &Log) -> Result<Outcome> {
         }
     };
     show(&table)?;
+    tell(spent.tell(rayon::current_num_threads()));
     tell(format_args!("checkpoint: {}", checkpoint::best(folder).display()));
     Ok(Outcome::Complete)
 }

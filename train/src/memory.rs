@@ -9,6 +9,7 @@ use nbp_env::{EncoderInput, Heading};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 const MAGIC: &[u8; 8] = b"NBPMEM01";
 
@@ -52,12 +53,12 @@ struct Entry {
     iteration: u32,
 }
 
-/// An open memory file.
-#[derive(Debug)]
+/// An open memory file. A clone reads what was there when it was made, from any thread.
+#[derive(Clone, Debug)]
 pub struct Memory {
     path: PathBuf,
-    file: File,
-    entries: Vec<Entry>,
+    file: Arc<Mutex<File>>,
+    entries: Arc<Vec<Entry>>,
     end: u64,
 }
 
@@ -72,35 +73,36 @@ impl Memory {
         let mut file =
             OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(fail)?;
         let size = file.metadata().map_err(fail)?.len();
-        let clone = file.try_clone().map_err(fail)?;
-        let mut memory = Self { path: path.to_path_buf(), entries: Vec::new(), end: MAGIC.len() as u64, file: clone };
+        let (mut entries, mut after) = (Vec::new(), MAGIC.len() as u64);
+        let memory = |file, entries, end| Self {
+            path: path.to_path_buf(),
+            file: Arc::new(Mutex::new(file)),
+            entries: Arc::new(entries),
+            end,
+        };
         if size == 0 {
             file.write_all(MAGIC).map_err(fail)?;
-            return Ok(memory);
+            return Ok(memory(file, entries, after));
         }
         let mut magic = [0; MAGIC.len()];
         if file.read_exact(&mut magic).is_err() || magic != *MAGIC {
             return Err(MemoryError::Foreign(path.to_path_buf()));
         }
         let mut header = [0; RECORD_HEADER];
-        while memory.end + RECORD_HEADER as u64 <= size {
-            file.seek(SeekFrom::Start(memory.end)).map_err(fail)?;
+        while after + RECORD_HEADER as u64 <= size {
+            file.seek(SeekFrom::Start(after)).map_err(fail)?;
             file.read_exact(&mut header).map_err(fail)?;
             let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-            let entry = Entry {
-                offset: memory.end + RECORD_HEADER as u64,
-                length: word(0),
-                checksum: word(4),
-                iteration: word(8),
-            };
+            let entry =
+                Entry { offset: after + RECORD_HEADER as u64, length: word(0), checksum: word(4), iteration: word(8) };
             let end = entry.offset + u64::from(entry.length);
             if entry.length as usize > MAX_BYTES || end > size {
                 break;
             }
-            memory.entries.push(entry);
-            memory.end = end;
+            entries.push(entry);
+            after = end;
         }
-        Ok(memory)
+        Ok(memory(file, entries, after))
     }
 
     /// Number of samples.
@@ -123,8 +125,9 @@ impl Memory {
     /// # Errors
     /// When they cannot be written; what was written before stays.
     pub fn append(&mut self, iteration: usize, samples: &[PackedSample]) -> Result<(), MemoryError> {
-        self.file.set_len(self.end).map_err(|source| self.io(source))?;
-        self.file.seek(SeekFrom::Start(self.end)).map_err(|source| self.io(source))?;
+        let mut file = lock(&self.file);
+        file.set_len(self.end).map_err(|source| self.io(source))?;
+        file.seek(SeekFrom::Start(self.end)).map_err(|source| self.io(source))?;
         for PackedSample { bytes, .. } in samples {
             let checksum = crc32fast::hash(bytes);
             let mut record = Vec::with_capacity(RECORD_HEADER + bytes.len());
@@ -132,9 +135,10 @@ impl Memory {
                 record.extend(word.to_le_bytes());
             }
             record.extend(bytes);
-            self.file.write_all(&record).map_err(|source| self.io(source))?;
+            file.write_all(&record).map_err(|source| self.io(source))?;
             let offset = self.end + RECORD_HEADER as u64;
-            self.entries.push(Entry { offset, length: bytes.len() as u32, checksum, iteration: iteration as u32 });
+            let entry = Entry { offset, length: bytes.len() as u32, checksum, iteration: iteration as u32 };
+            Arc::make_mut(&mut self.entries).push(entry);
             self.end = offset + bytes.len() as u64;
         }
         Ok(())
@@ -145,7 +149,7 @@ impl Memory {
     /// # Errors
     /// When the disk refuses.
     pub fn sync(&self) -> Result<(), MemoryError> {
-        self.file.sync_data().map_err(|source| self.io(source))
+        lock(&self.file).sync_data().map_err(|source| self.io(source))
     }
 
     /// Forgets all but the first `count` samples: what was appended after the checkpoint that a run resumes from.
@@ -156,22 +160,25 @@ impl Memory {
         if count > self.entries.len() {
             return Err(self.damaged(self.entries.len(), "the checkpoint knows of more records"));
         }
-        self.entries.truncate(count);
+        Arc::make_mut(&mut self.entries).truncate(count);
         self.end = self.entries.last().map_or(MAGIC.len() as u64, |e| e.offset + u64::from(e.length));
-        self.file.set_len(self.end).map_err(|source| self.io(source))
+        lock(&self.file).set_len(self.end).map_err(|source| self.io(source))
     }
 
     /// Reads a sample back.
     ///
     /// # Errors
     /// When it cannot be read or does not check.
-    pub fn get(&mut self, index: usize) -> Result<Sample, MemoryError> {
+    pub fn get(&self, index: usize) -> Result<Sample, MemoryError> {
         let Some(&entry) = self.entries.get(index) else {
             return Err(self.damaged(index, "there is no such record"));
         };
         let mut packed = vec![0; entry.length as usize];
-        self.file.seek(SeekFrom::Start(entry.offset)).map_err(|source| self.io(source))?;
-        self.file.read_exact(&mut packed).map_err(|source| self.io(source))?;
+        {
+            let mut file = lock(&self.file);
+            file.seek(SeekFrom::Start(entry.offset)).map_err(|source| self.io(source))?;
+            file.read_exact(&mut packed).map_err(|source| self.io(source))?;
+        }
         if crc32fast::hash(&packed) != entry.checksum {
             return Err(self.damaged(index, "its checksum differs"));
         }
@@ -187,6 +194,10 @@ impl Memory {
     fn damaged(&self, record: usize, reason: &'static str) -> MemoryError {
         MemoryError::Damaged { path: self.path.clone(), record, reason }
     }
+}
+
+fn lock(file: &Mutex<File>) -> MutexGuard<'_, File> {
+    file.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A sample as it is stored: a few kilobytes, where the arrays of a 256-pixel window take 700.
@@ -304,7 +315,7 @@ mod tests {
         Memory::open(&path).unwrap().append(0, &samples(0..3)).unwrap();
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 5]).unwrap();
-        let mut memory = Memory::open(&path).unwrap();
+        let memory = Memory::open(&path).unwrap();
         assert_eq!(memory.len(), 2);
         assert_eq!(memory.get(1).unwrap(), sample(1));
         let mut damaged = whole.clone();

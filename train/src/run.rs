@@ -1,17 +1,19 @@
 //! Algorithm 1 (paper, section 4.3): the loop, and what it stands on.
 
+use crate::ahead::{Ahead, ahead};
 use crate::checkpoint::{self, Progress};
+use crate::clock::Clock;
 use crate::collect::CollectError;
 use crate::config::Config;
 use crate::log::Log;
 use crate::memory::Memory;
 use crate::plateau::Verdict;
-use crate::step::Learner;
+use crate::step::{self, Learner, StepError};
 use crate::{collect, curriculum, interrupt, report, validate};
 use anyhow::{Context as _, Result, bail};
 use nbp_env::{Predictor, SeedTree, World};
 use nbp_infer::checkpoint::{Settings, remember};
-use nbp_model::{CheckpointConfig, LossValues, NetPredictor};
+use nbp_model::{Batch, CheckpointConfig, LossValues, NetPredictor};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -36,26 +38,10 @@ pub struct Session {
     pub describe: CheckpointConfig,
     /// What it tells.
     pub log: Log,
-    /// When this process began, and the last checkpoint was saved.
+    /// What its time went to.
     pub clock: Clock,
-}
-
-/// Wall time of this process.
-pub struct Clock {
-    begun: Instant,
-    before: f64,
-    saved: Instant,
-}
-
-impl Clock {
-    /// Starts after `before` seconds of earlier work.
-    pub fn start(before: f64) -> Self {
-        Self { begun: Instant::now(), before, saved: Instant::now() }
-    }
-
-    fn seconds(&self) -> f64 {
-        self.before + self.begun.elapsed().as_secs_f64()
-    }
+    /// When the last checkpoint was saved, or the process began.
+    pub saved: Instant,
 }
 
 /// How a run ended.
@@ -107,9 +93,20 @@ impl Session {
                      or curriculum.easy_iterations be below train.iterations"
                 );
             }
+            self.log_time();
             self.save(Verdict::Wait)?;
         }
         Ok(Outcome::Complete)
+    }
+
+    /// What the iteration's time went to, and all time so far.
+    fn log_time(&mut self) {
+        let threads = rayon::current_num_threads();
+        let (lap, total) = (self.clock.lap().shares(threads), self.clock.total().shares(threads));
+        let named = |group: &'static str| move |(name, share)| (format!("{group}/{name}"), share);
+        let shares: Vec<_> =
+            lap.into_iter().map(named("time")).chain(total.into_iter().map(named("time_total"))).collect();
+        self.log.scalars(self.progress.steps, &shares);
     }
 
     /// Walks through every scene with the current model and remembers what was admitted.
@@ -119,16 +116,19 @@ impl Session {
         let predictor: Arc<dyn Predictor> = Arc::new(self.predictor());
         let bar = self.log.bars.start(&format!("iteration {}: collect", iteration + 1), count * self.worlds.len());
         let begun = Instant::now();
-        let trajectories = collect::trajectories(&self.worlds, &predictor, config, count, seed, |t| {
+        let collected = collect::trajectories(&self.worlds, &predictor, config, count, seed, |t| {
             bar.advance(format!("{} covered {:.1} %", t.scene, 100.0 * t.coverage));
         });
         bar.finish();
-        let trajectories = match trajectories {
+        let took = begun.elapsed();
+        let (trajectories, threads) = match collected {
             // The last checkpoint stands before this collection, which is repeated.
             Err(CollectError::Interrupted) => return Ok(Outcome::Interrupted),
             other => other?,
         };
-        report::log_trajectories(&mut self.log, &trajectories, &self.worlds, self.progress.steps, begun.elapsed());
+        self.clock.collection(took, threads);
+        let begun = Instant::now();
+        report::log_trajectories(&mut self.log, &trajectories, &self.worlds, self.progress.steps, took);
         let fresh = trajectories.into_iter().flat_map(|t| t.samples).collect();
         let mut fresh = curriculum::admit(fresh, iteration, &self.config.curriculum);
         if self.held_out.is_empty() {
@@ -138,6 +138,7 @@ impl Session {
             fresh = keep;
         }
         self.memory.append(iteration, &fresh)?;
+        self.clock.io(begun.elapsed());
         self.progress.collected = true;
         self.save(Verdict::Wait)?;
         Ok(Outcome::Complete)
@@ -156,28 +157,43 @@ impl Session {
         let bar = self.log.bars.start(&name, groups.len());
         bar.skip(self.progress.step_of_epoch);
         let augment = self.config.train.augment.then(|| SeedTree::new(self.config.seed).child("augment", 0));
-        for group in groups.iter().skip(self.progress.step_of_epoch) {
-            let begun = Instant::now();
-            let parts: Vec<&[usize]> = group.chunks(batch).collect();
-            let values = self.learner.step(&mut self.memory, &parts, self.progress.plateau.lr, augment)?;
-            self.progress.step_of_epoch += 1;
-            self.progress.steps = self.learner.steps;
-            self.log_step(&values, group.len() as f64 / begun.elapsed().as_secs_f64());
-            bar.advance(format!("value {:.3}, obstacle {:.3}", values.mse, values.bce));
-            if interrupt::asked() {
-                return Ok(Outcome::Interrupted);
+        let left = groups.iter().skip(self.progress.step_of_epoch);
+        let numbered = (self.progress.steps..).zip(left.clone());
+        let parts = numbered.flat_map(|(step, group)| group.chunks(batch).map(move |part| (step, part)));
+        let (memory, net, device) = (self.memory.clone(), self.learner.config, self.learner.device.clone());
+        let load = move |(step, part): (usize, &[usize])| {
+            step::load(&memory, part, &net, &device, augment.map(|seed| seed.child("step", step as u64)))
+        };
+        ahead(parts, load, |batches: &mut Ahead<Result<Batch, StepError>>| {
+            for group in left {
+                let begun = Instant::now();
+                let count = group.len().div_ceil(batch);
+                let values = self.learner.step(batches.by_ref(), count, self.progress.plateau.lr)?;
+                let (took, waited) = (begun.elapsed(), batches.waited());
+                self.clock.network(took.saturating_sub(waited));
+                self.clock.io(waited);
+                self.progress.step_of_epoch += 1;
+                self.progress.steps = self.learner.steps;
+                self.log_step(&values, group.len() as f64 / took.as_secs_f64());
+                bar.advance(format!("value {:.3}, obstacle {:.3}", values.mse, values.bce));
+                if interrupt::asked() {
+                    return Ok(Outcome::Interrupted);
+                }
+                if self.saved.elapsed() > Duration::from_secs_f64(60.0 * self.config.train.checkpoint_minutes) {
+                    self.save(Verdict::Wait)?;
+                }
             }
-            if self.clock.saved.elapsed() > Duration::from_secs_f64(60.0 * self.config.train.checkpoint_minutes) {
-                self.save(Verdict::Wait)?;
-            }
-        }
-        bar.finish();
-        Ok(Outcome::Complete)
+            bar.finish();
+            Ok(Outcome::Complete)
+        })
     }
 
     /// Loss on what was kept out, the schedule's verdict on it, and pictures.
     fn validate(&mut self) -> Result<Verdict> {
-        let validation = validate::run(&self.learner, &mut self.held_out, self.config.train.batch)?;
+        let begun = Instant::now();
+        let validation = validate::run(&self.learner, &self.held_out, self.config.train.batch)?;
+        self.clock.network(begun.elapsed());
+        let begun = Instant::now();
         let train = &self.config.train;
         let verdict = match validation {
             // Without validation samples the last weights are the best there are.
@@ -206,6 +222,7 @@ impl Session {
             }
         }
         self.log.flush();
+        self.clock.io(begun.elapsed());
         Ok(verdict)
     }
 
@@ -229,18 +246,20 @@ impl Session {
 
     /// Saves where the run stands, and before that the best weights: a crash in between repeats the epoch.
     fn save(&mut self, verdict: Verdict) -> Result<()> {
+        let begun = Instant::now();
         self.memory.sync()?;
         self.held_out.sync()?;
         self.progress.memory = self.memory.len();
         self.progress.held_out = self.held_out.len();
-        self.progress.seconds = self.clock.seconds();
+        self.progress.spent = self.clock.total();
         if verdict == Verdict::Better {
             checkpoint::save(&checkpoint::best(&self.folder), &self.learner, &self.progress, &self.describe)?;
         }
         let folder = checkpoint::last(&self.folder);
         checkpoint::save(&folder, &self.learner, &self.progress, &self.describe)
             .with_context(|| format!("the checkpoint before this one is still in {}", folder.display()))?;
-        self.clock.saved = Instant::now();
+        self.clock.io(begun.elapsed());
+        self.saved = Instant::now();
         Ok(())
     }
 }

@@ -48,23 +48,21 @@ pub struct Learner {
 }
 
 impl Learner {
-    /// One step on the mean loss of `parts`, each a forward pass of its own; with a seed, samples are augmented.
+    /// One step on the mean loss of `count` batches, each a forward pass of its own.
     ///
     /// # Errors
     /// When samples cannot be read or the loss is not finite; the weights do not move then.
     pub fn step(
         &mut self,
-        memory: &mut Memory,
-        parts: &[&[usize]],
+        batches: impl Iterator<Item = Result<Batch, StepError>>,
+        count: usize,
         lr: f64,
-        augment: Option<SeedTree>,
     ) -> Result<LossValues, StepError> {
         let mut accumulator = GradientsAccumulator::new();
         let mut mean = LossValues { total: 0.0, mse: 0.0, bce: 0.0, sigma: [0.0; 2] };
-        let share = 1.0 / parts.len().max(1) as f32;
-        for &part in parts {
-            let seed = augment.map(|seed| seed.child("step", self.steps as u64));
-            let batch = load(memory, part, &self.config, &self.device, seed)?;
+        let share = 1.0 / count.max(1) as f32;
+        for batch in batches.take(count) {
+            let batch = batch?;
             let output = self.net.forward(batch.x_bchw.clone());
             let losses = loss(&self.net, output, &batch.targets);
             let values = losses.values();
@@ -142,7 +140,7 @@ impl ModuleVisitor for GradientSums<'_> {
 /// # Errors
 /// When they cannot be read or do not fit the network.
 pub fn load(
-    memory: &mut Memory,
+    memory: &Memory,
     indices: &[usize],
     config: &NetConfig,
     device: &Device,

@@ -1,5 +1,6 @@
 //! Loss on the samples that were kept out.
 
+use crate::ahead::ahead;
 use crate::memory::Memory;
 use crate::step::{Learner, StepError, load};
 use burn::module::Module as _;
@@ -26,21 +27,25 @@ impl Validation {
 ///
 /// # Errors
 /// When a sample cannot be read or a loss is not finite.
-pub fn run(learner: &Learner, held_out: &mut Memory, batch: usize) -> Result<Option<Validation>, StepError> {
+pub fn run(learner: &Learner, held_out: &Memory, batch: usize) -> Result<Option<Validation>, StepError> {
     let net = learner.net.valid();
     let device = learner.device.clone().inner();
     let (mut mse, mut cells, mut bce, mut samples) = (0.0, 0.0, 0.0, 0.0);
     let all: Vec<usize> = (0..held_out.len()).collect();
-    for indices in all.chunks(batch) {
-        let batch = load(held_out, indices, &learner.config, &device, None)?;
-        let labelled = batch.targets.labelled as f64;
-        let output = net.forward(batch.x_bchw.clone());
-        let values = loss(&net, output, &batch.targets).values();
-        mse += f64::from(values.mse) * labelled;
-        cells += labelled;
-        bce += f64::from(values.bce) * indices.len() as f64;
-        samples += indices.len() as f64;
-    }
+    let prepare = |indices| load(held_out, indices, &learner.config, &device, None);
+    ahead(all.chunks(batch), prepare, |batches| -> Result<(), StepError> {
+        for batch in batches {
+            let batch = batch?;
+            let labelled = batch.targets.labelled as f64;
+            let output = net.forward(batch.x_bchw.clone());
+            let values = loss(&net, output, &batch.targets).values();
+            mse += f64::from(values.mse) * labelled;
+            cells += labelled;
+            bce += f64::from(values.bce) * batch.len() as f64;
+            samples += batch.len() as f64;
+        }
+        Ok(())
+    })?;
     let mean = (samples > 0.0).then(|| Validation { mse: mse / f64::max(cells, 1.0), bce: bce / samples });
     match mean.filter(|validation| !validation.total().is_finite()) {
         Some(bad) => Err(StepError::NonFinite {
