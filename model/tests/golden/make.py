@@ -5,7 +5,7 @@ code, of which only the names of the state dict are used. Weights, inputs and la
 the Rust test computes too, so only answers are stored.
 
     pip install torch numpy safetensors          # made with torch 2.9.1, numpy 2.x, CPU
-    python make.py                               # writes b4.safetensors, b16.safetensors, released_b2.pth beside itself
+    python make.py                               # writes b4.safetensors, b16.safetensors, released_b2.pth, curve_b4.json beside itself
     python make.py --check DIR                   # loads a checkpoint of ours into PyTorch, strictly
 """
 
@@ -116,14 +116,26 @@ def fill(net):
     return net
 
 
-def make(base, batch, side):
-    net = fill(Reference(base)).double()  # the truth to compare f32 with
+def formula_batch(batch, side):
     cells = side // 4
     counts = np.maximum(noise("input", batch * 5 * side * side) * 12 - 4, 0).astype(np.int64)
     x = torch.from_numpy(counts.astype(np.float64)).reshape(batch, 5, side, side)
     wall = torch.from_numpy((noise("wall", batch * side * side) > 0.6).astype(np.float64)).reshape(batch, 1, side, side)
     mask = torch.from_numpy(noise("mask", batch * 8 * cells * cells) > 0.9).reshape(batch, 8, cells, cells)
     gain = torch.from_numpy(5 + 5 * noise("gain", mask.numel())).reshape(mask.shape)
+    return x, wall, mask, gain
+
+
+def loss(net, value, obstacle, wall, mask, gain):
+    mse, bce = F.mse_loss(value[mask], gain[mask]), F.binary_cross_entropy(obstacle, wall)
+    sigma = torch.exp(net.log_vars)
+    total = mse / (2 * sigma[0] ** 2) + torch.log(sigma[0]) + bce / sigma[1] ** 2 + torch.log(sigma[1])
+    return total, mse, bce, *sigma
+
+
+def make(base, batch, side):
+    net = fill(Reference(base)).double()  # the truth to compare f32 with
+    x, wall, mask, gain = formula_batch(batch, side)
 
     out = {}
     net.eval()
@@ -131,12 +143,10 @@ def make(base, batch, side):
         out["eval.value"], out["eval.obstacle"] = net(x)
     net.train()
     value, obstacle = net(x)
-    mse, bce = F.mse_loss(value[mask], gain[mask]), F.binary_cross_entropy(obstacle, wall)
-    sigma = torch.exp(net.log_vars)
-    total = mse / (2 * sigma[0] ** 2) + torch.log(sigma[0]) + bce / sigma[1] ** 2 + torch.log(sigma[1])
+    total, *parts = loss(net, value, obstacle, wall, mask, gain)
     total.backward()
     out |= {"train.value": value.detach(), "train.obstacle": obstacle.detach()}
-    out["train.loss"] = torch.stack([total, mse, bce, *sigma]).detach()
+    out["train.loss"] = torch.stack([total, *parts]).detach()
     for name, parameter in net.named_parameters():
         if parameter.numel() <= 4096 and (".weight" in name or name == "log_vars"):
             out[f"grad.{name}"] = parameter.grad
@@ -144,6 +154,21 @@ def make(base, batch, side):
         if name.startswith(("Conv1.", "Conv5.conv.1.")) and "num_batches" not in name:
             out[f"after.{name}"] = buffer
     save_file({k: v.float().contiguous() for k, v in out.items()}, HERE / f"b{base}.safetensors")
+
+
+def curve(base, batch, side, steps, dtype):
+    """Losses of the first steps of training, each before its step: AdamW as in the paper."""
+    net = fill(Reference(base)).to(dtype)
+    x, wall, mask, gain = (t.to(dtype) if t.is_floating_point() else t for t in formula_batch(batch, side))
+    optimizer = torch.optim.AdamW(net.parameters(), lr=1e-3, betas=(0.9, 0.999), eps=1e-8, weight_decay=0.01)
+    losses = []
+    for _ in range(steps):
+        optimizer.zero_grad()
+        total, *_ = loss(net, *net(x), wall, mask, gain)
+        total.backward()
+        optimizer.step()
+        losses.append(total.item())
+    return losses
 
 
 def released(base):
@@ -169,3 +194,5 @@ if __name__ == "__main__":
         make(4, 2, 64)
         make(16, 2, 32)
         released(2)
+        curves = {str(t)[6:]: curve(4, 3, 48, 20, t) for t in (torch.float64, torch.float32)}
+        (HERE / "curve_b4.json").write_text(json.dumps(curves, indent=1) + "\n")
