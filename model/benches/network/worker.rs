@@ -3,22 +3,23 @@
 
 use crate::clock::{Time, median, peak_memory};
 use crate::work::{Row, Task, Work};
-use crate::{Failure, Operators};
+use crate::{Failure, Operators, sgemm_peak};
 use nbp_model::fast;
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// Answers each line of standard input: `N` does the work once untimed, to bring its memory back to the caches, and then
 /// N times: `median seconds on the clock, mean seconds of the processor, first check`, see [`Work::step`]. `memory`: the
-/// most that was held at once, MiB.
+/// most that was held at once, MiB. `sgemm`: what the machine can do, see [`sgemm_peak`].
 pub(crate) fn serve(task: Task, row: Row, operators: Operators) -> Result<(), Failure> {
     fast::enable(operators == Operators::Ours);
     let mut work = Work::new(task, row)?;
     for line in std::io::stdin().lines() {
         match line?.trim() {
             "memory" => println!("{}", peak_memory()),
+            "sgemm" => println!("{}", sgemm_peak()),
             number => {
-                let count: usize = number.parse().map_err(|_| format!("`{number}`: say a number, or memory"))?;
+                let count: usize = number.parse().map_err(|_| format!("`{number}`: say a number, memory or sgemm"))?;
                 let first = work.step()?;
                 let mut times = Vec::new();
                 for _ in 0..count {
