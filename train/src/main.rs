@@ -17,6 +17,9 @@ use std::process::ExitCode;
 use std::time::Instant;
 use std::{fs, io};
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Trains NextBestPath: collects trajectories, learns from them, and compares itself with simpler policies.
 ///
 /// Running the same command again resumes, or says that the run is complete.

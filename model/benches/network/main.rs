@@ -32,6 +32,9 @@ cargo bench -p model -- --serve TASK ROW ours|burn
                calls, their mean seconds of the processor and the first call's check (loss, or mean of the maps), and
                `memory` with the most MiB held at once, `sgemm` with the GFLOP/s of a matrix product";
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// A benchmark stops at the first failure.
 type Failure = Box<dyn std::error::Error>;
 
