@@ -2,6 +2,7 @@
 
 use crate::registry::{self, PolicyContext, PolicyKind, RegistryError};
 use crate::rollout::{EpisodeRecord, RolloutError, Trial, run_episode};
+use crate::rounds;
 use nbp_env::{World, parallel};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,12 +22,15 @@ pub struct EvalConfig {
     pub seed: u64,
     /// Only the first starts of every scene (paper: 5).
     pub starts_limit: Option<usize>,
+    /// Episodes that are walked side by side and ask the network together; 0 or 1: each asks for itself. On the CPU the
+    /// records do not depend on it, but for the time of decisions, which then has the waiting for each other in it.
+    pub batch: usize,
 }
 
 impl Default for EvalConfig {
     fn default() -> Self {
         let policies = vec![PolicyKind::Random, PolicyKind::Fbe, PolicyKind::Nbp];
-        Self { policies, steps: 100, seeds: 1, seed: 0, starts_limit: None }
+        Self { policies, steps: 100, seeds: 1, seed: 0, starts_limit: None, batch: 1 }
     }
 }
 
@@ -94,15 +98,29 @@ pub fn run(
     let open: Vec<usize> = (0..jobs.len()).filter(|&index| records[index].is_none()).collect();
 
     let finished = Mutex::new(jobs.len() - open.len());
-    let fresh = parallel::try_map(&open, |&index| {
+    let run = |index: usize, context: &PolicyContext| {
         let record = jobs[index].run(context)?;
         let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
         *finished += 1;
         on_episode(&record, Progress { finished: *finished, total: jobs.len() });
         Ok::<_, EvalError>(record)
-    })?;
-    for (index, record) in open.into_iter().zip(fresh) {
+    };
+    // Those who never ask the network would keep the others waiting.
+    let (together, apart): (Vec<usize>, Vec<usize>) = match context.predictor {
+        Some(_) if config.batch > 1 => open.iter().partition(|&&index| jobs[index].kind.needs_network()),
+        _ => (Vec::new(), open),
+    };
+    let fresh = parallel::try_map(&apart, |&index| run(index, context))?;
+    for (index, record) in apart.into_iter().zip(fresh) {
         records[index] = Some(record);
+    }
+    if let Some(network) = &context.predictor {
+        let fresh = rounds::try_map(&together, config.batch, network, |&index, predictor| {
+            run(index, &PolicyContext { predictor: Some(predictor), ..context.clone() })
+        })?;
+        for (index, record) in together.into_iter().zip(fresh) {
+            records[index] = Some(record);
+        }
     }
     Ok(records.into_iter().flatten().collect())
 }
@@ -174,7 +192,7 @@ mod tests {
 
     fn config() -> EvalConfig {
         let policies = vec![PolicyKind::Fbe, PolicyKind::Random, PolicyKind::Nbp];
-        EvalConfig { policies, steps: 6, seeds: 2, seed: 5, starts_limit: Some(2) }
+        EvalConfig { policies, steps: 6, seeds: 2, seed: 5, starts_limit: Some(2), batch: 1 }
     }
 
     fn without_times(records: Vec<EpisodeRecord>) -> Vec<EpisodeRecord> {
@@ -182,13 +200,16 @@ mod tests {
     }
 
     #[test]
-    fn the_thread_count_changes_nothing() {
-        let with_threads = |threads| {
+    fn neither_threads_nor_batches_change_anything() {
+        let run = |threads, batch| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| without_times(run(&worlds(), &with_network(), &config(), &[], |_, _| ()).unwrap()))
+            let config = EvalConfig { batch, ..config() };
+            pool.install(|| without_times(run(&worlds(), &with_network(), &config, &[], |_, _| ()).unwrap()))
         };
-        let one = with_threads(1);
-        assert_eq!(one, with_threads(3));
+        let one = run(1, 1);
+        for (threads, batch) in [(3, 1), (1, 3), (3, 4)] {
+            assert_eq!(one, run(threads, batch));
+        }
         let keys: Vec<_> = one.iter().map(|r| (r.policy.as_str(), r.start, r.seed)).collect();
         assert_eq!(keys[..5], [("fbe", 0, 5), ("fbe", 0, 6), ("fbe", 1, 5), ("fbe", 1, 6), ("random", 0, 5)]);
         assert_eq!(keys.len(), 12);

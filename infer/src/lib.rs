@@ -8,6 +8,7 @@ pub mod source;
 
 pub mod registry;
 pub mod rollout;
+pub mod rounds;
 
 pub mod eval;
 pub mod journal;

@@ -6,11 +6,11 @@ use crate::interrupt;
 use crate::memory::PackedSample;
 use nbp_env::episode::Episode;
 use nbp_env::label::{Sample, Waypoint, value_labels};
-use nbp_env::parallel::try_map;
 use nbp_env::policy::nbp::{Nbp, Passability};
 use nbp_env::policy::{Plan, PolicyError};
 use nbp_env::world::{StartError, World};
 use nbp_env::{Heading, LatticePose, Policy, Predictor, SeedTree};
+use nbp_infer::rounds;
 use rand::RngExt as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ pub struct Trajectory {
     pub coverage: f32,
     /// Its last plan, for the log.
     pub plan: Option<Plan>,
-    /// Seconds that it took its thread, and those of them that went to labelling and packing samples.
+    /// Seconds that it took without waiting for predictions, and those of them that went to labelling and packing samples.
     seconds: [f64; 2],
 }
 
@@ -58,26 +58,29 @@ pub fn trajectories(
     seed: SeedTree,
     on_done: impl Fn(&Trajectory) + Sync,
 ) -> Result<(Vec<Trajectory>, ThreadSeconds), CollectError> {
-    let timed = Arc::new(Timed::new(Arc::clone(predictor)));
-    let predictor: Arc<dyn Predictor> = timed.clone();
+    let network = Arc::new(Timed::new(Arc::clone(predictor)));
+    let timed: Arc<dyn Predictor> = network.clone();
     let jobs: Vec<(usize, usize)> = (0..worlds.len()).flat_map(|w| (0..count).map(move |n| (w, n))).collect();
-    let trajectories = try_map(&jobs, |&(w, n)| {
+    let trajectories = rounds::try_map(&jobs, config.batch, &timed, |&(w, n), predictor| {
         if interrupt::asked() {
             return Err(CollectError::Interrupted);
         }
         let seed = seed.child("world", w as u64).child("trajectory", n as u64);
-        let trajectory = trajectory(&worlds[w], &predictor, config, seed)?;
+        let trajectory = trajectory(&worlds[w], predictor, config, seed)?;
         on_done(&trajectory);
         Ok(trajectory)
     })?;
-    let sum = |part: usize| trajectories.iter().map(|trajectory: &Trajectory| trajectory.seconds[part]).sum();
-    let threads = ThreadSeconds { inference: timed.seconds(), io: sum(1), all: sum(0) };
+    let sum = |part: usize| trajectories.iter().map(|t: &Trajectory| t.seconds[part]).sum::<f64>();
+    // A call for all has all threads to itself.
+    let threads = if config.batch > 1 { rayon::current_num_threads() as f64 } else { 1.0 };
+    let inference = threads * network.seconds();
+    let threads = ThreadSeconds { inference, io: sum(1), all: inference + sum(0) };
     Ok((trajectories, threads))
 }
 
 fn trajectory(
     world: &Arc<World>,
-    predictor: &Arc<dyn Predictor>,
+    predictor: Arc<dyn Predictor>,
     config: &CollectConfig,
     seed: SeedTree,
 ) -> Result<Trajectory, CollectError> {
@@ -92,8 +95,8 @@ fn trajectory(
     };
     let mut episode = Episode::new(Arc::clone(world), start, config.steps, seed.child("episode", 0))?;
     let trajectory_image = world.config().encode.trajectory;
-    let mut policy =
-        Nbp::new(Arc::clone(predictor), config.policy, Passability::Truth(Arc::clone(world)), trajectory_image);
+    let waiting = Arc::new(Timed::new(predictor));
+    let mut policy = Nbp::new(waiting.clone(), config.policy, Passability::Truth(Arc::clone(world)), trajectory_image);
     policy.begin();
     let mut samples = Vec::new();
     let mut path = vec![waypoint(&episode)];
@@ -118,7 +121,7 @@ fn trajectory(
         steps: episode.steps(),
         coverage: episode.curve().last().copied().unwrap_or_default(),
         plan: policy.plan().cloned(),
-        seconds: [begun.elapsed().as_secs_f64(), packing.as_secs_f64()],
+        seconds: [begun.elapsed().as_secs_f64() - waiting.seconds(), packing.as_secs_f64()],
     })
 }
 
@@ -152,7 +155,16 @@ fn cut(path: &[Waypoint], world: &World) -> Vec<PackedSample> {
 mod tests {
     use super::*;
     use crate::memory::Memory;
+    use burn::tensor::Device;
+    use nbp_env::window::WindowSize;
     use nbp_env::{EncoderInput, ObstacleMap, PredictError, Prediction, Scene, SimConfig, ValueMap};
+    use nbp_model::{CheckpointConfig, NetConfig, NetPredictor};
+
+    impl Trajectory {
+        fn thought(&self) -> Option<&(EncoderInput, Prediction)> {
+            self.plan.as_ref()?.thought.as_ref()
+        }
+    }
 
     /// Finds every pose equally good.
     struct Flat;
@@ -171,11 +183,14 @@ mod tests {
     }
 
     fn collect(threads: usize) -> Vec<Trajectory> {
+        collect_with(Arc::new(Flat), threads, 1)
+    }
+
+    fn collect_with(predictor: Arc<dyn Predictor>, threads: usize, batch: usize) -> Vec<Trajectory> {
         let mut sim = SimConfig::default();
         sim.encode.window.pixels = 64;
         let world = Arc::new(World::new(Scene::two_rooms(), &sim).unwrap());
-        let config = CollectConfig { steps: 30, enough: 1.0, ..CollectConfig::default() };
-        let predictor: Arc<dyn Predictor> = Arc::new(Flat);
+        let config = CollectConfig { steps: 30, enough: 1.0, batch, ..CollectConfig::default() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| trajectories(&[world], &predictor, &config, 3, SeedTree::new(4), |_| ()).unwrap().0)
     }
@@ -189,6 +204,20 @@ mod tests {
             assert!(a.samples.iter().enumerate().all(|(t, sample)| sample.step == t));
         }
         assert_ne!(one[0].samples, one[1].samples);
+    }
+
+    #[test]
+    fn a_network_that_is_asked_for_all_at_once_gives_the_same_samples() {
+        let config = NetConfig { base: 2, ..NetConfig::default() };
+        let net = nbp_model::Nbp::new(&config, 3, &Device::flex()).unwrap();
+        let window = WindowSize { pixels: 64, metres: 40.0 };
+        let net: Arc<dyn Predictor> = Arc::new(NetPredictor::new(&net, &CheckpointConfig::new(config, window)));
+        let alone = collect_with(Arc::clone(&net), 1, 1);
+        for (threads, batch) in [(1, 2), (2, 3), (3, 8)] {
+            let together = collect_with(Arc::clone(&net), threads, batch);
+            assert!(alone.iter().zip(&together).all(|(a, b)| a.samples == b.samples), "batch {batch}");
+            assert!(alone.iter().zip(&together).all(|(a, b)| a.thought() == b.thought()), "batch {batch}");
+        }
     }
 
     #[test]

@@ -135,6 +135,9 @@ pub struct CollectConfig {
     pub steps: usize,
     /// A trajectory ends when so much of the surface is covered (released code: 0.95).
     pub enough: f32,
+    /// Trajectories that are walked side by side and ask the network together; 1: each asks for itself. On the CPU the
+    /// samples do not depend on it.
+    pub batch: usize,
     /// How goals and headings are drawn (paper: Boltzmann; released code: β = 0.5 percent points).
     pub policy: NbpConfig,
 }
@@ -142,7 +145,7 @@ pub struct CollectConfig {
 impl Default for CollectConfig {
     fn default() -> Self {
         let policy = NbpConfig { goal: GoalRule::Boltzmann { beta: 0.5 }, ..NbpConfig::default() };
-        Self { trajectories: 1, first_trajectories: 2, steps: 100, enough: 0.95, policy }
+        Self { trajectories: 1, first_trajectories: 2, steps: 100, enough: 0.95, batch: 1, policy }
     }
 }
 
@@ -225,6 +228,9 @@ impl Default for EvalSection {
         Self { policies: vec![PolicyKind::Random, PolicyKind::Fbe, PolicyKind::Nbp], steps: 100, starts: 5 }
     }
 }
+
+/// Each of them has a thread and a map.
+const MAX_BATCH: usize = 256;
 
 /// A year.
 const MAX_MINUTES: f64 = 525_600.0;
@@ -337,6 +343,12 @@ impl Config {
                 "collect.trajectories",
                 format!("{} (first {})", self.collect.trajectories, self.collect.first_trajectories),
                 "at least 1",
+            ),
+            (
+                (1..=MAX_BATCH).contains(&self.collect.batch),
+                "collect.batch",
+                self.collect.batch.to_string(),
+                "from 1 to 256",
             ),
             (self.collect.steps >= 1, "collect.steps", self.collect.steps.to_string(), "at least 1"),
             (self.eval.steps >= 1, "eval.steps", self.eval.steps.to_string(), "at least 1"),

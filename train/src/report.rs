@@ -87,6 +87,7 @@ pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
         seeds: 1,
         seed: config.seed,
         starts_limit: Some(config.eval.starts),
+        batch: config.collect.batch,
     };
     let starts = worlds.iter().map(|world| world.scene().starts().len().min(config.eval.starts)).sum::<usize>();
     let bar = log.bars.start("held-out episodes", starts * compared.policies.len());

@@ -32,6 +32,10 @@ pub(super) struct Args {
     /// Only the first so many starts of each scene
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
+    /// Episodes that are walked side by side and ask the network together; the time of decisions then has the waiting for
+    /// each other in it
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    batch: u16,
     /// Also measure how much of each scene can be seen at all, which takes a second to half a minute, and show coverage as a
     /// share of it
     #[arg(long)]
@@ -60,7 +64,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     anyhow::ensure!(starts_limit != Some(0), "eval.starts is 0: it must be at least 1");
     let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, talk)?;
     let (seeds, seed) = (usize::from(args.seeds), args.setup.seed);
-    let config = EvalConfig { policies, steps, seeds, seed, starts_limit };
+    let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch: usize::from(args.batch) };
 
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
     // Nothing that is written here has colours.
