@@ -10,6 +10,7 @@ pub mod registry;
 pub mod rollout;
 pub mod rounds;
 
+pub mod decisions;
 pub mod eval;
 pub mod journal;
 pub mod speed;

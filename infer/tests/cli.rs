@@ -254,3 +254,19 @@ fn a_device_that_is_not_built_in_names_the_command_that_builds_it() {
     let args = "rollout --scene scenes/a --out o --steps 2 --checkpoint net --device cuda";
     fails(dir.path(), args, 1, "cargo run -p infer --features cuda -- --device cuda");
 }
+
+#[test]
+fn an_exported_checkpoint_is_half_as_large_and_decides_the_same() {
+    let dir = tempfile::tempdir().unwrap();
+    write_scenes(dir.path());
+    write_checkpoint(dir.path());
+    let told = succeeds(dir.path(), "export --checkpoint net --out small --compare scenes --steps 5");
+    let decisions = told.lines().find(|line| line.contains("decisions")).unwrap();
+    assert!(decisions.starts_with("50 decisions") && decisions.contains("equal"), "{told}");
+    let size = |folder: &str| fs::metadata(dir.path().join(folder).join(weights::WEIGHTS_FILE)).unwrap().len();
+    assert!(size("small") < size("net"));
+    assert_eq!(json(&dir.path().join("small/config.json")), json(&dir.path().join("net/config.json")));
+    succeeds(dir.path(), "eval --scenes scenes/a --policies nbp --checkpoint small --steps 3 --starts 1 --out out");
+    fails(dir.path(), "export --checkpoint net --out net", 1, "own folder");
+    fails(dir.path(), "export --checkpoint net --precision f8 --out o", 2, "use f32, f16 or bf16");
+}

@@ -1,6 +1,7 @@
 //! The command line: one file for each command, what they share in `setup`, `output` and `talk`.
 
 mod eval;
+mod export;
 mod import;
 mod output;
 mod overrides;
@@ -24,6 +25,7 @@ Examples:
   cargo run -p infer -- speed --scenes maps/simple --threads 2 --json
   cargo run -p infer -- eval --config configs/continuous/matterport.toml --scenes maps/simple --out out/continuous
   cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
+  cargo run -p infer -- export --checkpoint runs/quickstart/checkpoints/best --precision f16 --out checkpoints/small
   cargo run -p infer -- predict --checkpoint checkpoints/released --input x.safetensors --out y.safetensors
 
 In the source tree, `cargo run -p infer --` stands for `infer`.
@@ -69,6 +71,8 @@ enum Command {
     Speed(speed::Args),
     /// Turn PyTorch weights of the released code into a checkpoint
     Import(import::Args),
+    /// Store a checkpoint's weights in half the bits, and count on how many steps it decides the same
+    Export(export::Args),
 }
 
 /// Runs the program.
@@ -81,6 +85,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Speed(args) => speed::run(&args, common.threads.map(usize::from), talk),
         Command::Predict(args) => predict::run(&args, common.device, talk),
         Command::Import(args) => import::run(&args, talk),
+        Command::Export(args) => export::run(&args, common.device, talk),
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,

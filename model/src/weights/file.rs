@@ -41,7 +41,12 @@ pub(super) fn to_safetensors(tensors: &Tensors) -> Result<Vec<u8>, String> {
     let mut views = Vec::with_capacity(tensors.len() * 2);
     for (name, data) in tensors {
         let shape = data.shape().as_slice().to_vec();
-        let view = TensorView::new(Dtype::F32, shape, data.as_bytes()).map_err(|error| error.to_string())?;
+        let dtype = match data.dtype() {
+            DType::F16 => Dtype::F16,
+            DType::BF16 => Dtype::BF16,
+            _ => Dtype::F32,
+        };
+        let view = TensorView::new(dtype, shape, data.as_bytes()).map_err(|error| error.to_string())?;
         views.push((name.clone(), view));
         if let Some(norm) = name.strip_suffix("running_mean") {
             let counter = TensorView::new(Dtype::I64, Vec::new(), &zero).map_err(|error| error.to_string())?;

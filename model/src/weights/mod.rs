@@ -5,9 +5,11 @@
 
 mod file;
 mod names;
+mod precision;
 mod tensors;
 
 pub use file::write_atomic;
+pub use precision::{Precision, UnknownPrecision};
 
 use crate::config::{ARCHITECTURE, CheckpointConfig, ConfigError, InputScale, NetConfig, VERSION};
 use crate::net::Nbp;
@@ -95,6 +97,14 @@ pub enum WeightsError {
         /// What is missing, unknown or of another shape.
         difference: String,
     },
+    /// Weights too large for the precision asked for.
+    #[error("{tensor} has numbers too large for {precision}: use bf16 or f32")]
+    Range {
+        /// Released name of the first such tensor.
+        tensor: String,
+        /// As asked for.
+        precision: Precision,
+    },
     /// The description cannot be built.
     #[error(transparent)]
     Net(#[from] ConfigError),
@@ -105,13 +115,22 @@ pub enum WeightsError {
 /// # Errors
 /// When the folder cannot be written to.
 pub fn save(dir: &Path, net: &Nbp, config: &CheckpointConfig) -> Result<(), WeightsError> {
+    save_as(dir, net, config, Precision::F32)
+}
+
+/// [`save`] with weights of another precision, half the size; it loads as any other.
+///
+/// # Errors
+/// When the folder cannot be written to, or a weight does not fit.
+pub fn save_as(dir: &Path, net: &Nbp, config: &CheckpointConfig, precision: Precision) -> Result<(), WeightsError> {
     fs::create_dir_all(dir).map_err(|source| WeightsError::Io { what: "create", path: dir.to_owned(), source })?;
     let write = |name, bytes: &[u8]| {
         let path = dir.join(name);
         write_atomic(&path, bytes).map_err(|source| WeightsError::Io { what: "write", path, source })
     };
     // Burn keeps the newest running statistics of a training network apart until `valid()` merges them.
-    let tensors = tensors::collect(&net.valid());
+    let tensors =
+        precision.store(tensors::collect(&net.valid())).map_err(|tensor| WeightsError::Range { tensor, precision })?;
     let format = |reason| WeightsError::Format { path: dir.join(WEIGHTS_FILE), reason };
     write(WEIGHTS_FILE, &file::to_safetensors(&tensors).map_err(format)?)?;
     let mut json = serde_json::to_string_pretty(config)

@@ -6,7 +6,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 use std::collections::BTreeMap;
 
-/// Released name → numbers (f32).
+/// Released name → numbers (f32 but for what is about to be stored).
 pub(super) type Tensors = BTreeMap<String, TensorData>;
 
 /// How a file's tensors differ from those a network has.

@@ -115,3 +115,42 @@ fn files_that_are_not_pytorchs_are_refused() {
     fs::write(&path, b"no pickle at all").unwrap();
     fails("cannot make sense");
 }
+
+#[test]
+fn half_the_bits_are_half_the_file_and_nearly_the_same_answer() {
+    let size = |dir: &Path| fs::metadata(dir.join(WEIGHTS_FILE)).unwrap().len();
+    let (full, half) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let config = CheckpointConfig::new(NetConfig { base: 16, ..NetConfig::default() }, WINDOW);
+    let net = Nbp::new(&config.net, 5, &Device::flex()).unwrap();
+    let x_bchw = tensorize::inputs(&[input(32, 5, 1)], &config.net, &Device::flex()).unwrap();
+    let answer = |net: &Nbp| net.forward(x_bchw.clone()).value_bkhw.into_data().try_to_vec::<f32>().unwrap();
+    let want = answer(&net);
+    let largest = want.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
+    save(full.path(), &net, &config).unwrap();
+    for (precision, bound) in [(Precision::F16, 2e-3), (Precision::Bf16, 2e-2)] {
+        save_as(half.path(), &net, &config, precision).unwrap();
+        assert!(2 * size(half.path()) < size(full.path()) + 200_000, "{precision}: {}", size(half.path()));
+        let loaded = load(half.path(), &Device::flex()).unwrap();
+        assert_eq!(loaded.config, config);
+        let got = answer(&loaded.net);
+        let error = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(error > 0.0 && error < bound * largest, "{precision}: off by {error} of {largest}");
+        // What was rounded once is not rounded again.
+        let first = fs::read(half.path().join(WEIGHTS_FILE)).unwrap();
+        save_as(half.path(), &loaded.net, &config, precision).unwrap();
+        assert_eq!(first, fs::read(half.path().join(WEIGHTS_FILE)).unwrap());
+    }
+}
+
+#[test]
+fn weights_too_large_for_half_precision_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut tensors = tensors::collect(&net());
+    let shape = tensors["Final1.weight"].shape().as_slice().to_vec();
+    let large = burn::tensor::TensorData::new(vec![1e5f32; shape.iter().product()], shape);
+    tensors.insert("Final1.weight".into(), large);
+    let net = tensors::apply(net(), tensors);
+    let error = save_as(dir.path(), &net, &config(), Precision::F16).unwrap_err().to_string();
+    assert!(error.contains("Final1.weight") && error.contains("bf16"), "{error}");
+    save_as(dir.path(), &net, &config(), Precision::Bf16).unwrap();
+}
