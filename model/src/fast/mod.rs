@@ -6,6 +6,7 @@
 //! [`enable`]`(false)`. Results are the same bytes for any number of threads: each number is summed by one task in one
 //! order.
 
+mod adamw;
 mod buffer;
 mod conv;
 mod kernel;
@@ -14,6 +15,7 @@ mod ops;
 mod planes;
 mod up;
 
+pub(crate) use adamw::Rule;
 use burn::backend::Dispatch;
 use burn::prelude::*;
 use burn::tensor::DType;
@@ -28,7 +30,7 @@ pub fn enable(on: bool) {
 }
 
 /// Whether the kernels can take this tensor.
-fn takes<const D: usize>(x: &Tensor<D>) -> bool {
+pub(crate) fn takes<const D: usize>(x: &Tensor<D>) -> bool {
     // Devices are equal whether they record a tape or not.
     ENABLED.load(Ordering::Relaxed) && x.dtype() == DType::F32 && x.device() == Device::flex()
 }
@@ -95,4 +97,17 @@ pub(crate) fn norm(x_bchw: &Tensor<4>, channels: [Tensor<1>; 4], epsilon: f64, r
         let x = x_bchw.clone().into_dispatch();
         Tensor::from_dispatch(<Dispatch as FastOps>::fast_norm(x, weight, bias, mean, var, epsilon as f32, relu))
     })
+}
+
+/// A step of AdamW on a tensor that it [`takes`]: weights, gradient and the two moments → weights and moments.
+pub(crate) fn adamw<const D: usize>(
+    rule: Rule,
+    weight: Tensor<D>,
+    gradient: Tensor<D>,
+    moments: [Tensor<D>; 2],
+) -> [Tensor<D>; 3] {
+    let [first, second] = moments.map(Tensor::into_dispatch);
+    let (weight, gradient) = (weight.into_dispatch(), gradient.into_dispatch());
+    let (weight, first, second) = <Dispatch as FastOps>::fast_adamw(weight, gradient, first, second, rule);
+    [weight, first, second].map(Tensor::from_dispatch)
 }

@@ -1,5 +1,6 @@
 //! The kernels as operations of Burn, through its extension point for back ends.
 
+use super::adamw::{self, Rule};
 use super::conv::{self, Geometry};
 use super::kernel::Machine;
 use super::norm::{self, Channels, Planes};
@@ -50,11 +51,31 @@ pub(super) trait FastOps: Backend {
 
     /// Planes times one plane: `[b, c, h, w]` · `[b, 1, h, w]`.
     fn fast_scale(x: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// A step of AdamW: weights, gradient and moments → weights and moments; not differentiable.
+    fn fast_adamw(
+        weight: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
+        first: FloatTensor<Self>,
+        second: FloatTensor<Self>,
+        rule: Rule,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
 /// The numbers of a tensor in row-major order, copied only if they do not lie so.
 fn contiguous(tensor: Flexed) -> Flexed {
     if tensor.as_slice::<f32>().is_some() { tensor } else { tensor.to_contiguous() }
+}
+
+/// A [`contiguous`] tensor that is not part of a larger one.
+fn whole(part: Flexed) -> Flexed {
+    let part = contiguous(part);
+    let count = numbers(&part).len();
+    if part.storage::<f32>().len() == count {
+        part
+    } else {
+        tensor(numbers(&part).to_vec(), part.layout().shape().as_slice())
+    }
 }
 
 /// The numbers of a [`contiguous`] tensor.
@@ -131,6 +152,24 @@ impl FastOps for Flex {
         let (x, factor) = (contiguous(x), contiguous(factor));
         tensor(planes::scale(plane_sizes(&x), numbers(&x), numbers(&factor)), dims::<4>(&x))
     }
+
+    fn fast_adamw(
+        weight: Flexed,
+        gradient: Flexed,
+        first: Flexed,
+        second: Flexed,
+        rule: Rule,
+    ) -> (Flexed, Flexed, Flexed) {
+        let (gradient, mut first, mut second) = (contiguous(gradient), whole(first), whole(second));
+        // The weights in place where nobody else holds them.
+        let (mut weight, before) = match whole(weight) {
+            weight if weight.is_unique() => (weight, None),
+            shared => (tensor(vec![0.0; numbers(&shared).len()], shared.layout().shape().as_slice()), Some(shared)),
+        };
+        let before = before.as_ref().map(numbers);
+        adamw::step(rule, weight.storage_mut(), before, numbers(&gradient), first.storage_mut(), second.storage_mut());
+        (weight, first, second)
+    }
 }
 
 impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
@@ -199,6 +238,18 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
             OpsKind::Tracked(prep) => prep.finish((x, factor), out),
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
+    }
+
+    fn fast_adamw(
+        weight: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
+        first: FloatTensor<Self>,
+        second: FloatTensor<Self>,
+        rule: Rule,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let [weight, gradient, first, second] = [weight, gradient, first, second].map(|tensor| tensor.into_primitive());
+        let (weight, first, second) = Flex::fast_adamw(weight, gradient, first, second, rule);
+        (FloatTensor::<Self>::new(weight), FloatTensor::<Self>::new(first), FloatTensor::<Self>::new(second))
     }
 }
 
