@@ -69,6 +69,7 @@ impl Session {
                 return Ok(Outcome::Interrupted);
             }
             let set = curriculum::balanced(&self.memory, iteration, seeds.child("replay", iteration as u64));
+            let mut verdict = Verdict::Wait;
             while self.progress.epoch < train.epochs && !set.is_empty() {
                 let epoch = self.progress.epoch;
                 let shuffle = seeds.child("shuffle", iteration as u64).child("epoch", epoch as u64);
@@ -76,13 +77,16 @@ impl Session {
                     self.save(Verdict::Wait)?;
                     return Ok(Outcome::Interrupted);
                 }
-                let verdict = self.validate()?;
+                verdict = self.validate()?;
                 (self.progress.epoch, self.progress.step_of_epoch) = (epoch + 1, 0);
                 self.progress.done = verdict == Verdict::Stop;
-                self.save(verdict)?;
                 if self.progress.done {
                     tracing::info!("no better validation loss for {} epochs: stopping early", train.early_stop);
                     break;
+                }
+                // The last epoch is saved with its iteration.
+                if self.progress.epoch < train.epochs {
+                    self.save(verdict)?;
                 }
             }
             (self.progress.iteration, self.progress.epoch, self.progress.collected) = (iteration + 1, 0, false);
@@ -94,7 +98,7 @@ impl Session {
                 );
             }
             self.log_time();
-            self.save(Verdict::Wait)?;
+            self.save(verdict)?;
         }
         Ok(Outcome::Complete)
     }

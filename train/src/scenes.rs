@@ -4,10 +4,12 @@ use crate::config::SceneSet;
 use crate::log::Bars;
 use anyhow::{Context as _, Result, anyhow};
 use nbp_dataset::generate::{Level, generate};
+use nbp_env::config::SimError;
 use nbp_env::parallel::try_map;
 use nbp_env::scene::LoadOptions;
 use nbp_env::{Scene, SimConfig, World};
 use nbp_infer::source;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Makes the worlds of a set, in its order.
@@ -16,7 +18,8 @@ use std::sync::Arc;
 /// When a map cannot be generated or read, or has no free pose.
 pub fn load(set: &SceneSet, sim: &SimConfig, what: &str, bars: Bars) -> Result<Vec<Arc<World>>> {
     let scenes = if set.paths.is_empty() { generated(set, what, bars)? } else { read(set)? };
-    scenes.into_iter().map(|scene| Ok(Arc::new(World::new(scene, sim)?))).collect()
+    let worlds: Vec<Result<World, SimError>> = scenes.into_par_iter().map(|scene| World::new(scene, sim)).collect();
+    worlds.into_iter().map(|world| Ok(Arc::new(world?))).collect()
 }
 
 fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
