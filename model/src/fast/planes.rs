@@ -2,6 +2,7 @@
 //! plane (the attention gate).
 
 use super::norm::Planes;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Largest of each square of four: `[b, c, h, w]` → `[b, c, h/2, w/2]`, `h` and `w` even.
@@ -22,12 +23,31 @@ pub(super) fn pool(x: &[f32], width: usize) -> Vec<f32> {
 
 /// Gradient of [`pool`]: each square's goes to the first of its largest pixels, as in PyTorch.
 pub(super) fn pool_backward(x: &[f32], width: usize, g: &[f32]) -> Vec<f32> {
-    let half = width / 2;
+    let (half, arch) = (width / 2, Arch::new());
     let mut out = vec![0.0; x.len()];
     let bands = out.par_chunks_mut(4 * half.max(1) * BAND).zip(x.par_chunks(4 * half.max(1) * BAND));
     bands.zip(g.par_chunks(half.max(1) * BAND)).for_each(|((out, x), g)| {
+        arch.dispatch(Give { x, width, g, out });
+    });
+    out
+}
+
+/// A task of [`pool_backward`]: with wide instructions, and without branches, which nobody could predict.
+struct Give<'a> {
+    x: &'a [f32],
+    width: usize,
+    g: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Give<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { x, width, g, out } = self;
         let rows = out.chunks_exact_mut(2 * width).zip(x.chunks_exact(2 * width));
-        for ((out, x), g) in rows.zip(g.chunks_exact(half)) {
+        for ((out, x), g) in rows.zip(g.chunks_exact(width / 2)) {
             let ((out_upper, out_lower), (upper, lower)) = (out.split_at_mut(width), x.split_at(width));
             let outs = out_upper.as_chunks_mut::<2>().0.iter_mut().zip(out_lower.as_chunks_mut::<2>().0);
             let squares = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
@@ -35,20 +55,20 @@ pub(super) fn pool_backward(x: &[f32], width: usize, g: &[f32]) -> Vec<f32> {
                 let is_lower = largest(lower[0], lower[1]) > largest(upper[0], upper[1]);
                 let (upper_right, lower_right) = (upper[1] > upper[0], lower[1] > lower[0]);
                 let give = |yes: bool| if yes { g } else { 0.0 };
-                *out_upper = [give(!is_lower && !upper_right), give(!is_lower && upper_right)];
-                *out_lower = [give(is_lower && !lower_right), give(is_lower && lower_right)];
+                *out_upper = [give(!is_lower & !upper_right), give(!is_lower & upper_right)];
+                *out_lower = [give(is_lower & !lower_right), give(is_lower & lower_right)];
             }
         }
-    });
-    out
+    }
 }
 
 /// Output rows that make a task.
 const BAND: usize = 64;
 
 /// The larger number; a NaN on either side wins, so that a diverged network shows.
+#[inline(always)]
 fn largest(a: f32, b: f32) -> f32 {
-    if a > b || a.is_nan() { a } else { b }
+    if (a > b) | a.is_nan() { a } else { b }
 }
 
 /// Every plane of a sample times the sample's one plane: `[b, c, area]` · `[b, 1, area]`.
