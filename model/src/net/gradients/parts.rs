@@ -42,6 +42,7 @@ impl ModuleMapper for Fill {
         let name = self.path.join(".");
         let usual = |u: f64| match () {
             () if D == 4 => u * (3.0 / fan_in).sqrt(),
+            () if name.ends_with("running_var") => 1.0 + 0.5 * u,
             () if name.ends_with("norm.weight") || name.contains("norm_") && name.ends_with("weight") => 1.0 + 0.3 * u,
             () => 0.2 * u,
         };
@@ -315,4 +316,24 @@ fn the_whole_network_and_its_loss() {
     let learns = |name: &str| !name.contains("running");
     // Its parts were moved one by one.
     Part { name: "network", fresh: net, inputs: vec![[2, 5, 48, 48]], answer, learns, each: false }.check();
+}
+
+#[test]
+fn inference() {
+    for (base, batch, side) in [(2, 3, 48), (4, 1, 16), (6, 2, 80), (8, 1, 128), (16, 1, 64)] {
+        let answer = |dtype| {
+            let blank = Nbp::build(&NetConfig { base, ..NetConfig::default() }, &Init::zeros(&trained())).unwrap();
+            let net = blank.map(&mut Fill::new(dtype, None, 0.0)).valid();
+            let x_bchw = tensor(&noise("x", batch * 5 * side * side), [batch, 5, side, side], dtype);
+            let NetOutput { value_bkhw, obstacle_b1hw } = net.forward(x_bchw.without_autodiff());
+            [numbers(value_bkhw), numbers(obstacle_b1hw)]
+        };
+        for (got, want) in answer(DType::F32).into_iter().zip(answer(DType::F64)) {
+            let largest = want.iter().fold(0.0f64, |largest, x| largest.max(x.abs()));
+            let difference = |(got, want): (&f64, &f64)| if got.is_nan() { f64::INFINITY } else { (got - want).abs() };
+            let error = got.iter().zip(&want).map(difference).fold(0.0, f64::max) / largest;
+            println!("inference at base {base}, batch {batch}, side {side}: {error:.1e}");
+            assert!(error <= 1e-5, "base {base}, batch {batch}, side {side}: off by {error:e} of the largest");
+        }
+    }
 }
