@@ -7,11 +7,12 @@ prints tables in Markdown: medians on the clock (of the processor), and how many
 that a process held. Rows are side/base/batch. `--without-compile` where there is no C++ compiler, which torch.compile needs
 (`apt install g++`, or CXX=...).
 
-Every piece of work is a process of its own, and all but the one whose turn it is are stopped: OpenMP's threads go on spinning
-for a while after their work. PyTorch's f32 runs twice, with this default and with OMP_WAIT_POLICY=passive; the faster counts.
+Every piece of work is a process of its own, and PyTorch's are stopped while it is not their turn: OpenMP's threads go on spinning
+for a while after their work; ours sleep. PyTorch's f32 runs twice, with this default and with OMP_WAIT_POLICY=passive; the faster counts.
 """
 
 import argparse
+import ctypes
 import os
 import platform
 import signal
@@ -34,14 +35,21 @@ COMPILERS = {"compile": ("compile", {}), "frozen": ("frozen", {})}
 TURN = 0.4
 
 
-class Worker:
-    """A process that does one piece of work when asked, and is stopped when not."""
+def die_with_parent():
+    """A stopped process would outlive us."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 
-    def __init__(self, command, environment):
+
+class Worker:
+    """A process that does one piece of work when asked, and if it `spins` is stopped when not."""
+
+    def __init__(self, command, environment, spins):
         pipe = subprocess.PIPE
         self.child = subprocess.Popen(
-            command, cwd=ROOT, env=os.environ | environment, stdin=pipe, stdout=pipe, text=True, start_new_session=True
+            command, cwd=ROOT, env=os.environ | environment, stdin=pipe, stdout=pipe, text=True, preexec_fn=die_with_parent
         )
+        self.spins = spins
         self.walls, self.cpus = [], []
         # The check of the first step, and that of the third: both sides must compute the same.
         warm_up = [self.ask(1), self.ask(1)]
@@ -49,10 +57,12 @@ class Worker:
         self.calls = max(1, min(50, int(TURN / warm_up[1][0])))
 
     def ask(self, question):
-        os.killpg(self.child.pid, signal.SIGCONT)
+        if self.spins:
+            self.child.send_signal(signal.SIGCONT)
         print(question, file=self.child.stdin, flush=True)
         answer = self.child.stdout.readline().split()
-        os.killpg(self.child.pid, signal.SIGSTOP)
+        if self.spins:
+            self.child.send_signal(signal.SIGSTOP)
         if not answer:
             raise RuntimeError(f"{self.child.args} broke off")
         return [float(word) for word in answer] if len(answer) > 1 else float(answer[0])
@@ -63,7 +73,10 @@ class Worker:
         self.cpus.append(cpu)
 
     def end(self):
-        os.killpg(self.child.pid, signal.SIGKILL)
+        # Ours ends with its questions; cargo is between us.
+        self.child.stdin.close()
+        if self.spins:
+            self.child.kill()
         self.child.wait()
 
     @property
@@ -81,7 +94,7 @@ class Bench:
         self.folder, self.threads = folder, str(threads)
 
     def ours(self, task, row):
-        return Worker([*BENCH, "--serve", task, row, "ours"], {"RAYON_NUM_THREADS": self.threads})
+        return Worker([*BENCH, "--serve", task, row, "ours"], {"RAYON_NUM_THREADS": self.threads}, False)
 
     def peer(self, task, row, kind, environment):
         weights = self.folder / row.replace("/", "-")
@@ -89,7 +102,7 @@ class Bench:
             subprocess.run([*BENCH, "--export", row, weights], cwd=ROOT, check=True)
         command = [sys.executable, HERE / "worker.py", task, row, kind, weights, self.threads]
         threads = {name: self.threads for name in ["OMP_NUM_THREADS", "MKL_NUM_THREADS"]}
-        return Worker(command, threads | environment)
+        return Worker(command, threads | environment, True)
 
     def measure(self, task, row, kinds, turns):
         """Workers by name after their turns, with their peak memory; they have ended."""
