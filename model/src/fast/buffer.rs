@@ -1,6 +1,7 @@
-//! Images with a border of zeros, in memory that is used again.
+//! Memory that is used again, and images with a border of zeros in it.
 
 use rayon::prelude::*;
+use std::ops::{Deref, DerefMut};
 use std::sync::Mutex;
 
 /// Zeros after each plane: the last vector of a line may reach so far, and must not meet the next plane's pixels.
@@ -8,9 +9,57 @@ const TAIL: usize = 16;
 /// Numbers after the last plane that a kernel may read (and ignore).
 const SLACK: usize = 64;
 
-/// Buffers kept for the next call: fresh pages from the system cost more than filling them.
+/// Memory kept for the next call: fresh pages from the system cost more than filling them.
 static POOL: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
-const KEPT: usize = 3;
+const KEPT: usize = 4;
+
+/// Numbers of no particular value at first, in memory that is used again.
+#[derive(Debug)]
+pub(super) struct Buffer {
+    memory: Vec<f32>,
+    len: usize,
+}
+
+impl Buffer {
+    pub(super) fn take(len: usize) -> Self {
+        let mut memory = if len > 0 { Self::fitting(len) } else { Vec::new() };
+        if memory.len() < len {
+            memory.resize(len, 0.0);
+        }
+        Self { memory, len }
+    }
+
+    /// The smallest of the pool that is large enough, or else the largest.
+    fn fitting(len: usize) -> Vec<f32> {
+        let mut pool = POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let key = |memory: &Vec<f32>| if memory.len() < len { usize::MAX - memory.len() } else { memory.len() };
+        let fitting = pool.iter().enumerate().min_by_key(|(_, memory)| key(memory)).map(|(index, _)| index);
+        fitting.map(|index| pool.swap_remove(index)).unwrap_or_default()
+    }
+}
+
+impl Deref for Buffer {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.memory[..self.len]
+    }
+}
+
+impl DerefMut for Buffer {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        &mut self.memory[..self.len]
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        let mut pool = POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if !self.memory.is_empty() && pool.len() < KEPT {
+            pool.push(std::mem::take(&mut self.memory));
+        }
+    }
+}
 
 /// Planes of `height × width`, each with a border of `halo` zeros, seen as one line of numbers.
 ///
@@ -19,7 +68,7 @@ const KEPT: usize = 3;
 #[derive(Debug)]
 pub(super) struct Padded {
     /// All planes, then at least [`SLACK`] zeros.
-    pub(super) numbers: Vec<f32>,
+    pub(super) numbers: Buffer,
     /// Numbers from row to row.
     pub(super) pitch: usize,
     /// Numbers from plane to plane.
@@ -59,10 +108,7 @@ impl Padded {
         let pitch = width + 2 * halo;
         let plane = (height + 2 * halo) * pitch + TAIL;
         let len = images.len() * plane;
-        let mut numbers = take();
-        if numbers.len() < len + SLACK {
-            numbers.resize(len + SLACK, 0.0);
-        }
+        let mut numbers = Buffer::take(len + SLACK);
         // What a kernel reads past the end is multiplied by zeros, which a stale NaN would survive.
         numbers[len..len + SLACK].fill(0.0);
         let (top, inner) = (halo * pitch, height * pitch);
@@ -81,24 +127,6 @@ impl Padded {
     /// Where the first pixel lies in its plane.
     pub(super) fn first_pixel(&self, halo: usize) -> usize {
         halo * (self.pitch + 1)
-    }
-}
-
-impl Drop for Padded {
-    fn drop(&mut self) {
-        let mut pool = POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if pool.len() < KEPT {
-            pool.push(std::mem::take(&mut self.numbers));
-        }
-    }
-}
-
-/// The largest buffer of the pool. It may be larger than needed: cutting it would mean filling it again later.
-fn take() -> Vec<f32> {
-    let mut pool = POOL.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    match pool.iter().enumerate().max_by_key(|(_, numbers)| numbers.len()) {
-        Some((largest, _)) => pool.swap_remove(largest),
-        None => Vec::new(),
     }
 }
 

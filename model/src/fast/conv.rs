@@ -2,6 +2,7 @@
 
 use super::buffer::Padded;
 use super::kernel::{Cover, Machine, Products, Rows};
+use super::winograd;
 use rayon::prelude::*;
 
 /// Sizes of a convolution with stride 1 and zero padding.
@@ -44,6 +45,13 @@ impl Geometry {
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
 pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+    if winograd::takes(size) {
+        return winograd::convolve(on, size, x, |o, i| weight.as_chunks().0[o * size.cin + i], bias);
+    }
+    direct(on, size, x, weight, bias)
+}
+
+pub(super) fn direct(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let (size, taps) = (size.flat(), size.kernel * size.kernel);
     rows(on, size, &Source::new(&size.pad(x), size.cin), |o, i, t| weight[(o * size.cin + i) * taps + t], bias)
 }
@@ -55,6 +63,14 @@ pub(super) fn backward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], g
     let x_gradient = want_x.then(|| {
         // A convolution with the kernel turned by 180° and inputs and outputs exchanged.
         let turned = Geometry { cin: size.cout, cout: size.cin, ..size };
+        if winograd::takes(size) {
+            let kernel = |o: usize, i: usize| {
+                let mut kernel = weight.as_chunks::<9>().0[i * size.cin + o];
+                kernel.reverse();
+                kernel
+            };
+            return winograd::convolve(on, turned, g, kernel, &vec![0.0; size.cin]);
+        }
         let at = |o: usize, i: usize, t: usize| weight[(i * size.cin + o) * taps + taps - 1 - t];
         rows(on, turned, &Source::new(&padded_g, size.cout), at, &vec![0.0; size.cin])
     });

@@ -14,6 +14,7 @@ mod norm;
 mod ops;
 mod planes;
 mod up;
+mod winograd;
 
 pub(crate) use adamw::Rule;
 use burn::backend::Dispatch;

@@ -7,6 +7,7 @@
 use super::buffer::Padded;
 use super::conv::{Geometry, Gradients, Source, plane_sums, products, rows};
 use super::kernel::Machine;
+use super::winograd;
 use rayon::prelude::*;
 
 /// Input row (or column) of the 2×2 kernel that the three taps of even and of odd output rows fall on.
@@ -32,6 +33,10 @@ fn quarter_weights(weight: &[f32]) -> Vec<[f32; 4]> {
 
 /// `x`: `[b, in, h, w]`, `weight`: `[out, in, 3, 3]`, `bias`: `[out]` → `[b, out, 2h, 2w]`; `size` has `x`'s height and width.
 pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+    winograd::convolve_doubled(on, size, x, |o, i| weight.as_chunks().0[o * size.cin + i], bias)
+}
+
+pub(super) fn direct(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
     let small = Geometry { kernel: 2, ..size };
     let padded = Padded::new(x, size.height, size.width, 1);
     let kernels = quarter_weights(weight);
@@ -70,6 +75,9 @@ pub(super) fn backward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], g
     let padded_g = Padded::quarters(g, size.height, size.width);
     let quarter_len = size.batch * size.cout * padded_g.plane;
     let x_gradient = want_x.then(|| {
+        let turned =
+            Geometry { cin: size.cout, cout: size.cin, height: 2 * size.height, width: 2 * size.width, ..size };
+        return winograd::convolve_halved(on, turned, g, |o, i| weight.as_chunks().0[o * size.cin + i]);
         // To the input, the quarters are four times as many planes, each with its kernel turned by 180°.
         let turned = Geometry { cin: 4 * size.cout, cout: size.cin, kernel: 2, ..size };
         let line = |quarter: usize, output: usize| {
