@@ -77,48 +77,20 @@ pub(super) struct Padded {
 
 impl Padded {
     pub(super) fn new(source: &[f32], height: usize, width: usize, halo: usize) -> Self {
-        let images = source.par_chunks(height * width);
-        Self::of(images, height, width, halo, |image, y, row| {
-            row.copy_from_slice(&image[y * width..(y + 1) * width]);
-        })
-    }
-
-    /// Images of twice the size taken apart into those of their pixels that have even or odd rows and columns: first all
-    /// images of even rows and columns, then even rows and odd columns, and so on.
-    pub(super) fn quarters(source: &[f32], height: usize, width: usize) -> Self {
-        let images = source.len() / (4 * height * width);
-        let planes = (0..4 * images).into_par_iter();
-        Self::of(planes, height, width, 1, |plane, y, row| {
-            let (quarter, image) = (plane / images, plane % images);
-            let from = (image * 2 * height + 2 * y + quarter / 2) * 2 * width + quarter % 2;
-            let line = &source[from..(from + 2 * width).min(source.len())];
-            for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
-                *pixel = pair[0];
-            }
-        })
-    }
-
-    fn of<I: Send>(
-        images: impl IndexedParallelIterator<Item = I>,
-        height: usize,
-        width: usize,
-        halo: usize,
-        copy_row: impl Fn(&I, usize, &mut [f32]) + Sync,
-    ) -> Self {
         let pitch = width + 2 * halo;
         let plane = (height + 2 * halo) * pitch + TAIL;
-        let len = images.len() * plane;
+        let len = source.len() / (height * width) * plane;
         let mut numbers = Buffer::take(len + SLACK);
         // What a kernel reads past the end is multiplied by zeros, which a stale NaN would survive.
         numbers[len..len + SLACK].fill(0.0);
         let (top, inner) = (halo * pitch, height * pitch);
-        numbers[..len].par_chunks_mut(plane).zip(images).for_each(|(padded, image)| {
+        numbers[..len].par_chunks_mut(plane).zip(source.par_chunks(height * width)).for_each(|(padded, image)| {
             padded[..top].fill(0.0);
             padded[top + inner..].fill(0.0);
             for (y, row) in padded[top..top + inner].chunks_exact_mut(pitch).enumerate() {
                 row[..halo].fill(0.0);
                 row[halo + width..].fill(0.0);
-                copy_row(&image, y, &mut row[halo..halo + width]);
+                row[halo..halo + width].copy_from_slice(&image[y * width..(y + 1) * width]);
             }
         });
         Self { numbers, pitch, plane }

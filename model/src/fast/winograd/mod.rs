@@ -6,6 +6,7 @@
 //! inputs × tiles; a last transform takes the products back to pixels. A strip of tiles goes through all of it while it is
 //! in the cache ([`strip`]), so nothing larger is ever stored.
 
+mod gradient;
 mod matrix;
 mod points;
 mod strip;
@@ -54,6 +55,16 @@ pub(super) fn convolve_halved(
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
 ) -> Vec<f32> {
     convolve_as(Form::Halved, on, size, g, |o, i| kernel(i, o), &vec![0.0; size.cout])
+}
+
+/// The gradient of [`convolve`] in its weights, for the gradient `g` of its answer.
+pub(super) fn weight_gradient(on: Machine, size: Geometry, x: &[f32], g: &[f32]) -> Vec<f32> {
+    gradient::gradient(Form::Same, on, size, x, g)
+}
+
+/// The gradient of [`convolve_doubled`] in its weights, for the gradient `g` of its answer; `size` is `x`'s.
+pub(super) fn weight_gradient_doubled(on: Machine, size: Geometry, x: &[f32], g: &[f32]) -> Vec<f32> {
+    gradient::gradient(Form::Doubled, on, size, x, g)
 }
 
 fn convolve_as(
@@ -153,6 +164,3 @@ fn with_scratch(count: usize, call: impl FnOnce(&mut [f32])) {
     call(&mut scratch[start..start + count]);
     SCRATCH.set(scratch);
 }
-
-#[cfg(test)]
-mod tests;

@@ -30,9 +30,13 @@ pub(super) struct Strips {
 
 impl Strips {
     pub(super) fn new(form: Form, size: Geometry) -> Self {
+        Self::of(form, size, if size.cin > 64 { 32 } else { 64 })
+    }
+
+    /// Strips of about so many tiles.
+    pub(super) fn of(form: Form, size: Geometry, wanted: usize) -> Self {
         let Geometry { batch, cin, height, width, .. } = size;
         let (high, wide) = (form.tiles(height), form.tiles(width));
-        let wanted = if cin > 64 { 32 } else { 64 };
         let rows = (wanted / wide).clamp(1, high);
         let samples = (wanted / (wide * high)).clamp(1, batch);
         // The last vector of a row may reach over its end, into the next row, which is written later.
@@ -55,8 +59,28 @@ impl Strips {
         sample / self.samples * self.high.div_ceil(self.rows) + part
     }
 
+    /// Tiles from top to bottom.
+    pub(super) fn high(&self) -> usize {
+        self.high
+    }
+
+    /// Tiles from left to right.
+    pub(super) fn wide(&self) -> usize {
+        self.wide
+    }
+
+    /// Length of the lines of a strip's matrices.
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// A point of [`Inputs::v`]: input, tile.
+    pub(super) fn point<'a>(&self, v: &'a [f32], point: usize) -> &'a [f32] {
+        &v[point * self.plane..][..self.cin * self.columns]
+    }
+
     /// Samples and rows of tiles of a strip.
-    fn extent(&self, strip: usize) -> (Range<usize>, Range<usize>) {
+    pub(super) fn extent(&self, strip: usize) -> (Range<usize>, Range<usize>) {
         let parts = self.high.div_ceil(self.rows);
         let (sample, row) = (strip / parts * self.samples, strip % parts * self.rows);
         (sample..self.batch.min(sample + self.samples), row..self.high.min(row + self.rows))
