@@ -6,6 +6,10 @@
 //! inputs × tiles; a last transform takes the products back to pixels. A strip of tiles goes through all of it while it is
 //! in the cache ([`strip`]), so nothing larger is ever stored.
 
+// Loops over numbers of points and lanes: `copy_from_slice` and iterators with closures would put arrays of registers into
+// memory.
+#![allow(clippy::manual_memcpy, clippy::needless_range_loop)]
+
 mod gradient;
 mod matrix;
 mod points;
