@@ -43,14 +43,47 @@ impl Geometry {
     }
 }
 
-/// `x`: `[b, in, h, w]`, `weight`: `[out, in, k, k]`, `bias`: `[out]` → `[b, out, h, w]`.
-pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
+/// What a convolution applies.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernels<'a> {
+    /// `[out, in, k, k]`.
+    pub(super) weight: &'a [f32],
+    /// `[out]`.
+    pub(super) bias: &'a [f32],
+    /// `[out]`, a factor of all weights of an output: a batch norm that follows. `None`: 1.
+    pub(super) scale: Option<&'a [f32]>,
+    /// Whether negative answers become zero.
+    pub(super) relu: bool,
+}
+
+impl Kernels<'_> {
+    /// The nine weights of an output and an input.
+    #[inline(always)]
+    pub(super) fn nine(&self, size: Geometry, output: usize, input: usize) -> [f32; 9] {
+        let mut nine = self.weight.as_chunks::<9>().0[output * size.cin + input];
+        if let Some(scale) = self.scale {
+            for weight in &mut nine {
+                *weight *= scale[output];
+            }
+        }
+        nine
+    }
+}
+
+/// `x`: `[b, in, h, w]` → `[b, out, h, w]`.
+pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], kernels: Kernels<'_>) -> Vec<f32> {
     if winograd::takes(size) {
-        return winograd::convolve(on, size, x, |o, i| weight.as_chunks().0[o * size.cin + i], bias);
+        return winograd::convolve(on, size, x, |o, i| kernels.nine(size, o, i), kernels.bias, kernels.relu);
     }
     let (size, taps) = (size.flat(), size.kernel * size.kernel);
-    let at = |o: usize, i: usize, t: usize| weight[(o * size.cin + i) * taps + t];
-    rows(on, size, &size.pad(x), at, bias)
+    let Kernels { weight, bias, scale, relu } = kernels;
+    let at = |o: usize, i: usize, t: usize| weight[(o * size.cin + i) * taps + t] * scale.map_or(1.0, |scale| scale[o]);
+    let mut out = rows(on, size, &size.pad(x), at, bias);
+    if relu {
+        // Not `max`, which would turn a NaN into zero and hide a diverged network.
+        out.par_iter_mut().filter(|y| **y < 0.0).for_each(|y| *y = 0.0);
+    }
+    out
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
@@ -64,7 +97,7 @@ pub(super) fn backward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], g
             kernel.reverse();
             kernel
         };
-        let x_gradient = want_x.then(|| winograd::convolve(on, turned(size), g, kernel, &no_bias));
+        let x_gradient = want_x.then(|| winograd::convolve(on, turned(size), g, kernel, &no_bias, false));
         return Gradients { x: x_gradient, weight: winograd::weight_gradient(on, size, x, g), bias };
     }
     let (size, taps) = (size.flat(), size.kernel * size.kernel);

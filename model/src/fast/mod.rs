@@ -36,14 +36,18 @@ pub(crate) fn takes<const D: usize>(x: &Tensor<D>) -> bool {
     ENABLED.load(Ordering::Relaxed) && x.dtype() == DType::F32 && x.device() == Device::flex()
 }
 
+/// Whether the kernels can do this convolution.
+fn convolves(x_bchw: &Tensor<4>, weight: &Tensor<4>, doubled: bool) -> bool {
+    let [_, _, rows, cols] = weight.dims();
+    takes(x_bchw) && rows == cols && (rows == 3 || rows == 1 && !doubled)
+}
+
 /// Same-size convolution, of the input at twice its size if `doubled`; `None` if Burn has to do it.
 ///
 /// # Shapes
 /// `[b, in, h, w]`, `[out, in, k, k]`, `[out]` → `[b, out, h, w]` or `[b, out, 2h, 2w]`.
 pub(crate) fn conv(x_bchw: &Tensor<4>, weight: &Tensor<4>, bias: &Tensor<1>, doubled: bool) -> Option<Tensor<4>> {
-    let [_, _, rows, cols] = weight.dims();
-    let known = rows == cols && (rows == 3 || rows == 1 && !doubled);
-    (takes(x_bchw) && known).then(|| {
+    convolves(x_bchw, weight, doubled).then(|| {
         let (x, weight, bias) = (x_bchw.clone().into_dispatch(), weight.clone().into_dispatch(), bias.clone());
         Tensor::from_dispatch(<Dispatch as FastOps>::fast_conv(x, weight, bias.into_dispatch(), doubled))
     })
@@ -62,6 +66,36 @@ pub fn scale(x_bchw: &Tensor<4>, factor_b1hw: &Tensor<4>) -> Option<Tensor<4>> {
     takes(x_bchw).then(|| {
         let (x, factor) = (x_bchw.clone().into_dispatch(), factor_b1hw.clone().into_dispatch());
         Tensor::from_dispatch(<Dispatch as FastOps>::fast_scale(x, factor))
+    })
+}
+
+/// [`conv`], then [`norm`] with given `[mean, var]` behind `[weight, bias]`, as one operation; `None` if Burn has to do it.
+pub(crate) fn conv_norm(
+    x_bchw: &Tensor<4>,
+    kernel: &Tensor<4>,
+    kernel_bias: &Tensor<1>,
+    doubled: bool,
+    channels: [Tensor<1>; 4],
+    epsilon: f64,
+    relu: bool,
+) -> Option<Tensor<4>> {
+    convolves(x_bchw, kernel, doubled).then(|| {
+        let (x, kernel, kernel_bias) = (x_bchw.clone(), kernel.clone(), kernel_bias.clone());
+        let [weight, bias, mean, var] = channels.map(Tensor::into_dispatch);
+        let (x, kernel, kernel_bias) = (x.into_dispatch(), kernel.into_dispatch(), kernel_bias.into_dispatch());
+        let epsilon = epsilon as f32;
+        Tensor::from_dispatch(<Dispatch as FastOps>::fast_conv_norm(
+            x,
+            kernel,
+            kernel_bias,
+            doubled,
+            weight,
+            bias,
+            mean,
+            var,
+            epsilon,
+            relu,
+        ))
     })
 }
 

@@ -79,6 +79,12 @@ impl Channels<'_> {
         Affine { centre: self.mean[c], scale, shift: self.bias[c] }
     }
 
+    /// Factor of the weights and bias of a convolution that does what one with `bias` and this norm after it do.
+    pub(super) fn folded(&self, bias: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let affine = |(c, &bias): (usize, &f32)| (self.affine(c).scale, self.affine(c).of(bias));
+        bias.iter().enumerate().map(affine).unzip()
+    }
+
     fn floor(&self) -> f32 {
         if self.relu { 0.0 } else { f32::NEG_INFINITY }
     }

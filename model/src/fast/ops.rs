@@ -1,7 +1,7 @@
 //! The kernels as operations of Burn, through its extension point for back ends.
 
 use super::adamw::{self, Rule};
-use super::conv::{self, Geometry};
+use super::conv::{self, Geometry, Kernels};
 use super::kernel::Machine;
 use super::norm::{self, Channels, Planes};
 use super::{planes, up};
@@ -24,6 +24,21 @@ pub(super) trait FastOps: Backend {
         weight: FloatTensor<Self>,
         bias: FloatTensor<Self>,
         doubled: bool,
+    ) -> FloatTensor<Self>;
+
+    /// [`Self::fast_conv`], then [`Self::fast_norm`], as one operation; not differentiable.
+    #[allow(clippy::too_many_arguments)] // tensors of an operation come one by one
+    fn fast_conv_norm(
+        x: FloatTensor<Self>,
+        kernel: FloatTensor<Self>,
+        kernel_bias: FloatTensor<Self>,
+        doubled: bool,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        mean: FloatTensor<Self>,
+        var: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
     ) -> FloatTensor<Self>;
 
     /// Batch norm with the batch's statistics: `[b, c, h, w]`, `[c]`, `[c]` → the same, mean and biased variance.
@@ -103,14 +118,45 @@ fn plane_sizes(x: &Flexed) -> Planes {
     Planes { batch, channels, area: height * width }
 }
 
+fn convolved(x: &Flexed, size: Geometry, kernels: Kernels<'_>, doubled: bool) -> Flexed {
+    let forward = if doubled { up::forward } else { conv::forward };
+    let times = if doubled { 2 } else { 1 };
+    let out = forward(Machine::new(), size, numbers(x), kernels);
+    tensor(out, [size.batch, size.cout, times * size.height, times * size.width])
+}
+
 impl FastOps for Flex {
     fn fast_conv(x: Flexed, weight: Flexed, bias: Flexed, doubled: bool) -> Flexed {
-        let (x, weight, bias) = (contiguous(x), contiguous(weight), contiguous(bias));
-        let size = geometry(&x, &weight);
-        let forward = if doubled { up::forward } else { conv::forward };
-        let times = if doubled { 2 } else { 1 };
-        let out = forward(Machine::new(), size, numbers(&x), numbers(&weight), numbers(&bias));
-        tensor(out, [size.batch, size.cout, times * size.height, times * size.width])
+        let [x, weight, bias] = [x, weight, bias].map(contiguous);
+        let kernels = Kernels { weight: numbers(&weight), bias: numbers(&bias), scale: None, relu: false };
+        convolved(&x, geometry(&x, &weight), kernels, doubled)
+    }
+
+    fn fast_conv_norm(
+        x: Flexed,
+        kernel: Flexed,
+        kernel_bias: Flexed,
+        doubled: bool,
+        weight: Flexed,
+        bias: Flexed,
+        mean: Flexed,
+        var: Flexed,
+        epsilon: f32,
+        relu: bool,
+    ) -> Flexed {
+        let [x, kernel, kernel_bias] = [x, kernel, kernel_bias].map(contiguous);
+        let [weight, bias, mean, var] = [weight, bias, mean, var].map(contiguous);
+        let channels = Channels {
+            mean: numbers(&mean),
+            var: numbers(&var),
+            weight: numbers(&weight),
+            bias: numbers(&bias),
+            epsilon,
+            relu,
+        };
+        let (scale, bias) = channels.folded(numbers(&kernel_bias));
+        let kernels = Kernels { weight: numbers(&kernel), bias: &bias, scale: Some(&scale), relu };
+        convolved(&x, geometry(&x, &kernel), kernels, doubled)
     }
 
     fn fast_norm_train(x: Flexed, weight: Flexed, bias: Flexed, epsilon: f32, relu: bool) -> (Flexed, Flexed, Flexed) {
@@ -186,6 +232,24 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
             OpsKind::Tracked(prep) => prep.finish(ConvState { x, weight, doubled }, out),
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
+    }
+
+    fn fast_conv_norm(
+        x: FloatTensor<Self>,
+        kernel: FloatTensor<Self>,
+        kernel_bias: FloatTensor<Self>,
+        doubled: bool,
+        weight: FloatTensor<Self>,
+        bias: FloatTensor<Self>,
+        mean: FloatTensor<Self>,
+        var: FloatTensor<Self>,
+        epsilon: f32,
+        relu: bool,
+    ) -> FloatTensor<Self> {
+        let [x, kernel, kernel_bias] = [x, kernel, kernel_bias].map(|tensor| tensor.into_primitive());
+        let [weight, bias, mean, var] = [weight, bias, mean, var].map(|tensor| tensor.into_primitive());
+        let found = Flex::fast_conv_norm(x, kernel, kernel_bias, doubled, weight, bias, mean, var, epsilon, relu);
+        FloatTensor::<Self>::new(found)
     }
 
     fn fast_norm_train(

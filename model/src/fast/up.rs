@@ -1,12 +1,12 @@
 //! Twice the size by nearest neighbour, then a 3×3 convolution, without ever making the larger image.
 
-use super::conv::{Geometry, Gradients, plane_sums};
+use super::conv::{Geometry, Gradients, Kernels, plane_sums};
 use super::kernel::Machine;
 use super::winograd;
 
-/// `x`: `[b, in, h, w]`, `weight`: `[out, in, 3, 3]`, `bias`: `[out]` → `[b, out, 2h, 2w]`; `size` has `x`'s height and width.
-pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
-    winograd::convolve_doubled(on, size, x, |o, i| weight.as_chunks().0[o * size.cin + i], bias)
+/// `x`: `[b, in, h, w]` → `[b, out, 2h, 2w]`, kernels of 3×3; `size` has `x`'s height and width.
+pub(super) fn forward(on: Machine, size: Geometry, x: &[f32], kernels: Kernels<'_>) -> Vec<f32> {
+    winograd::convolve_doubled(on, size, x, |o, i| kernels.nine(size, o, i), kernels.bias, kernels.relu)
 }
 
 /// Gradients of [`forward`] for the gradient `g` of its answer.
@@ -61,12 +61,9 @@ mod tests {
             };
             let doubled: Vec<f32> = (0..4 * x.len()).map(|i| x[at(i)]).collect();
 
+            let kernels = Kernels { weight: &weight, bias: &bias, scale: None, relu: false };
             for on in Machine::all() {
-                assert_close(
-                    "y",
-                    &forward(on, size, &x, &weight, &bias),
-                    &conv::forward(on, large, &doubled, &weight, &bias),
-                );
+                assert_close("y", &forward(on, size, &x, kernels), &conv::forward(on, large, &doubled, kernels));
                 let (got, want) =
                     (backward(on, size, &x, &weight, &g, true), conv::backward(on, large, &doubled, &weight, &g, true));
                 let mut x_gradient = vec![0.0; x.len()];

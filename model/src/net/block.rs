@@ -27,8 +27,8 @@ impl ConvBlock {
     /// # Shapes
     /// `[b, in, h, w]` → `[b, out, h, w]`.
     pub fn forward(&self, x_bchw: Tensor<4>) -> Tensor<4> {
-        let y_bchw = self.norm_a.forward_relu(self.conv_a.forward(x_bchw));
-        self.norm_b.forward_relu(self.conv_b.forward(y_bchw))
+        let y_bchw = self.conv_a.forward_norm(x_bchw, false, &self.norm_a, true);
+        self.conv_b.forward_norm(y_bchw, false, &self.norm_b, true)
     }
 }
 
@@ -47,6 +47,6 @@ impl Up {
     /// # Shapes
     /// `[b, in, h, w]` → `[b, out, 2h, 2w]`.
     pub fn forward(&self, x_bchw: Tensor<4>) -> Tensor<4> {
-        self.norm.forward_relu(self.conv.forward_doubled(x_bchw))
+        self.conv.forward_norm(x_bchw, true, &self.norm, true)
     }
 }

@@ -1,6 +1,7 @@
 //! A convolution that keeps the size of its input.
 
 use super::init::Init;
+use super::norm::{self, Norm};
 use crate::fast;
 use burn::module::Param;
 use burn::prelude::*;
@@ -37,6 +38,19 @@ impl Conv {
     /// `[b, in, h, w]` → `[b, out, 2h, 2w]`.
     pub fn forward_doubled(&self, x_bchw: Tensor<4>) -> Tensor<4> {
         self.apply(x_bchw, true)
+    }
+
+    /// [`Self::forward`], or [`Self::forward_doubled`], then batch norm, and ReLU if asked for. For inference on the CPU one
+    /// operation: the norm is folded into the weights.
+    pub(crate) fn forward_norm(&self, x_bchw: Tensor<4>, doubled: bool, norm: &Norm, relu: bool) -> Tensor<4> {
+        let folded = (!x_bchw.device().is_autodiff()).then(|| {
+            let (weight, bias) = (self.weight.val(), self.bias.val());
+            fast::conv_norm(&x_bchw, &weight, &bias, doubled, norm.channels(), norm::EPSILON, relu)
+        });
+        folded.flatten().unwrap_or_else(|| {
+            let y_bchw = self.apply(x_bchw, doubled);
+            if relu { norm.forward_relu(y_bchw) } else { norm.forward(y_bchw) }
+        })
     }
 
     fn apply(&self, x_bchw: Tensor<4>, doubled: bool) -> Tensor<4> {

@@ -37,9 +37,9 @@ impl Gate {
     /// # Shapes
     /// `[b, c, h, w]` twice → `[b, c, h, w]`.
     pub fn forward(&self, g_bchw: Tensor<4>, x_bchw: Tensor<4>) -> Tensor<4> {
-        let g_bihw = self.norm_g.forward(self.conv_g.forward(g_bchw));
-        let x_bihw = self.norm_x.forward(self.conv_x.forward(x_bchw.clone()));
-        let psi_b1hw = self.norm_psi.forward(self.conv_psi.forward(relu(g_bihw + x_bihw)));
+        let g_bihw = self.conv_g.forward_norm(g_bchw, false, &self.norm_g, false);
+        let x_bihw = self.conv_x.forward_norm(x_bchw.clone(), false, &self.norm_x, false);
+        let psi_b1hw = self.conv_psi.forward_norm(relu(g_bihw + x_bihw), false, &self.norm_psi, false);
         let weight_b1hw = sigmoid(psi_b1hw);
         fast::scale(&x_bchw, &weight_b1hw).unwrap_or_else(|| x_bchw * weight_b1hw)
     }

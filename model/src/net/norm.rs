@@ -53,14 +53,19 @@ impl Norm {
         self.apply(x_bchw, true)
     }
 
+    /// Scale, shift, mean and variance for inference.
+    pub(crate) fn channels(&self) -> [Tensor<1>; 4] {
+        [self.weight.val(), self.bias.val(), self.running_mean.value(), self.running_var.value()]
+    }
+
     fn apply(&self, x_bchw: Tensor<4>, with_relu: bool) -> Tensor<4> {
         let (weight, bias) = (self.weight.val(), self.bias.val());
         let rectify = |y_bchw| if with_relu { relu(y_bchw) } else { y_bchw };
         if !x_bchw.device().is_autodiff() {
-            let (mean, var) = (self.running_mean.value(), self.running_var.value());
-            let channels = [weight.clone(), bias.clone(), mean.clone(), var.clone()];
-            return fast::norm(&x_bchw, channels, EPSILON, with_relu)
-                .unwrap_or_else(|| rectify(batch_norm(x_bchw, weight, bias, mean, var, EPSILON)));
+            return fast::norm(&x_bchw, self.channels(), EPSILON, with_relu).unwrap_or_else(|| {
+                let [weight, bias, mean, var] = self.channels();
+                rectify(batch_norm(x_bchw, weight, bias, mean, var, EPSILON))
+            });
         }
         let [b, _, h, w] = x_bchw.dims();
         let (y_bchw, mean, var) = match fast::norm_train(&x_bchw, &weight, &bias, EPSILON, with_relu) {

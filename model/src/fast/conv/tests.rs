@@ -77,7 +77,11 @@ fn both_directions_agree_with_the_definition() {
         g.iter().enumerate().for_each(|(at, &g)| db[at / area % cout] += f64::from(g));
 
         for on in Machine::all() {
-            assert_close("y", &forward(on, size, &x, &weight, &bias), &y);
+            assert_close(
+                "y",
+                &forward(on, size, &x, Kernels { weight: &weight, bias: &bias, scale: None, relu: false }),
+                &y,
+            );
             let found = backward(on, size, &x, &weight, &g, true);
             assert_close("x gradient", &found.x.unwrap(), &dx);
             assert_close("weight gradient", &found.weight, &dw);
@@ -96,7 +100,13 @@ fn the_number_of_threads_does_not_change_a_bit() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let found = backward(Machine::new(), size, &x, &weight, &g, true);
-            [forward(Machine::new(), size, &x, &weight, &bias), found.x.unwrap(), found.weight, found.bias].concat()
+            [
+                forward(Machine::new(), size, &x, Kernels { weight: &weight, bias: &bias, scale: None, relu: false }),
+                found.x.unwrap(),
+                found.weight,
+                found.bias,
+            ]
+            .concat()
         })
     };
     let bits = |numbers: Vec<f32>| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>();

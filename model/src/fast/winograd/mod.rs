@@ -28,15 +28,17 @@ pub(super) fn takes(size: Geometry) -> bool {
     size.kernel == 3 && size.height.is_multiple_of(2) && size.width.is_multiple_of(2)
 }
 
-/// The same-size convolution of `x`, `[b, in, h, w]`; `kernel(output, input)` → `[b, out, h, w]`.
+/// The same-size convolution of `x`, `[b, in, h, w]`; `kernel(output, input)` → `[b, out, h, w]`;
+/// with `relu`, what is negative becomes zero.
 pub(super) fn convolve(
     on: Machine,
     size: Geometry,
     x: &[f32],
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
     bias: &[f32],
+    relu: bool,
 ) -> Vec<f32> {
-    convolve_as(Form::Same, on, size, x, kernel, bias)
+    convolve_as(Form::Same, on, size, x, kernel, bias, relu)
 }
 
 /// [`convolve`] of the image at twice its size: `[b, in, h, w]` → `[b, out, 2h, 2w]`, of any sides.
@@ -46,8 +48,9 @@ pub(super) fn convolve_doubled(
     x: &[f32],
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
     bias: &[f32],
+    relu: bool,
 ) -> Vec<f32> {
-    convolve_as(Form::Doubled, on, size, x, kernel, bias)
+    convolve_as(Form::Doubled, on, size, x, kernel, bias, relu)
 }
 
 /// The gradient of [`convolve_doubled`] in its input, for the gradient `g` of its answer; `size` has `g`'s sides, and its
@@ -58,7 +61,7 @@ pub(super) fn convolve_halved(
     g: &[f32],
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
 ) -> Vec<f32> {
-    convolve_as(Form::Halved, on, size, g, |o, i| kernel(i, o), &vec![0.0; size.cout])
+    convolve_as(Form::Halved, on, size, g, |o, i| kernel(i, o), &vec![0.0; size.cout], false)
 }
 
 /// The gradient of [`convolve`] in its weights, for the gradient `g` of its answer.
@@ -78,11 +81,12 @@ fn convolve_as(
     x: &[f32],
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
     bias: &[f32],
+    relu: bool,
 ) -> Vec<f32> {
     if on.is_wide {
-        convolve_by::<8>(form, on, size, x, kernel, bias)
+        convolve_by::<8>(form, on, size, x, kernel, bias, relu)
     } else {
-        convolve_by::<4>(form, on, size, x, kernel, bias)
+        convolve_by::<4>(form, on, size, x, kernel, bias, relu)
     }
 }
 
@@ -95,6 +99,7 @@ fn convolve_by<const CO: usize>(
     x: &[f32],
     kernel: impl Fn(usize, usize) -> [f32; 9] + Sync,
     bias: &[f32],
+    relu: bool,
 ) -> Vec<f32> {
     let strips = Strips::new(form, size);
     let blocks = size.cout.div_ceil(CO);
@@ -142,12 +147,32 @@ fn convolve_by<const CO: usize>(
             if is_deep {
                 own.chunks_mut(per_block).enumerate().for_each(|(k, packed)| make_weights(first + k, packed));
                 let v = &shared_inputs;
-                on.run(Answers::<CO> { form, strips, strip: 0..strips.count(), v, weights: own, bias, out, scratch });
+                on.run(Answers::<CO> {
+                    form,
+                    strips,
+                    strip: 0..strips.count(),
+                    v,
+                    weights: own,
+                    bias,
+                    relu,
+                    out,
+                    scratch,
+                });
             } else {
                 let strip = task / groups;
                 on.run(Inputs { form, strips, strip, x, v: own, lines: scratch });
                 let weights = &shared_weights[first * per_block..(first + of_blocks) * per_block];
-                on.run(Answers::<CO> { form, strips, strip: strip..strip + 1, v: own, weights, bias, out, scratch });
+                on.run(Answers::<CO> {
+                    form,
+                    strips,
+                    strip: strip..strip + 1,
+                    v: own,
+                    weights,
+                    bias,
+                    relu,
+                    out,
+                    scratch,
+                });
             }
         });
     });

@@ -251,6 +251,8 @@ pub(super) struct Answers<'a, 'out, const CO: usize> {
     pub(super) weights: &'a [f32],
     /// Of the outputs to do.
     pub(super) bias: &'a [f32],
+    /// Whether negative answers become zero.
+    pub(super) relu: bool,
     /// Sample, output, strip of the sample: its rows of pixels.
     pub(super) out: Vec<&'out mut [f32]>,
     pub(super) scratch: &'a mut [f32],
@@ -261,7 +263,7 @@ impl<const CO: usize> WithSimd for Answers<'_, '_, CO> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { form, strips, strip, v, weights, bias, mut out, scratch } = self;
+        let Self { form, strips, strip, v, weights, bias, relu, mut out, scratch } = self;
         let Strips { cin, high, wide, points, columns, plane, .. } = strips;
         let weights = weights.as_chunks::<CO>().0;
         let (outputs, blocks) = (bias.len(), bias.len().div_ceil(CO));
@@ -315,10 +317,10 @@ impl<const CO: usize> WithSimd for Answers<'_, '_, CO> {
                             }
                             let upper = from_four(simd, [pairs[0][0], pairs[1][0], pairs[2][0], pairs[3][0]]);
                             let lower = from_four(simd, [pairs[0][1], pairs[1][1], pairs[2][1], pairs[3][1]]);
-                            store::<S>(y00, j, simd.add_f32s(upper[0], bias));
-                            store::<S>(y01, j, simd.add_f32s(upper[1], bias));
-                            store::<S>(y10, j, simd.add_f32s(lower[0], bias));
-                            store::<S>(y11, j, simd.add_f32s(lower[1], bias));
+                            store::<S>(y00, j, rectified(simd, simd.add_f32s(upper[0], bias), relu));
+                            store::<S>(y01, j, rectified(simd, simd.add_f32s(upper[1], bias), relu));
+                            store::<S>(y10, j, rectified(simd, simd.add_f32s(lower[0], bias), relu));
+                            store::<S>(y11, j, rectified(simd, simd.add_f32s(lower[1], bias), relu));
                         }
                     }
                     _ => {
@@ -333,10 +335,10 @@ impl<const CO: usize> WithSimd for Answers<'_, '_, CO> {
                             }
                             let upper = from_three(simd, [pairs[0][0], pairs[1][0], pairs[2][0]]);
                             let lower = from_three(simd, [pairs[0][1], pairs[1][1], pairs[2][1]]);
-                            store::<S>(y00, j, simd.add_f32s(upper[0], bias));
-                            store::<S>(y01, j, simd.add_f32s(upper[1], bias));
-                            store::<S>(y10, j, simd.add_f32s(lower[0], bias));
-                            store::<S>(y11, j, simd.add_f32s(lower[1], bias));
+                            store::<S>(y00, j, rectified(simd, simd.add_f32s(upper[0], bias), relu));
+                            store::<S>(y01, j, rectified(simd, simd.add_f32s(upper[1], bias), relu));
+                            store::<S>(y10, j, rectified(simd, simd.add_f32s(lower[0], bias), relu));
+                            store::<S>(y11, j, rectified(simd, simd.add_f32s(lower[1], bias), relu));
                         }
                     }
                 }
@@ -354,6 +356,13 @@ impl<const CO: usize> WithSimd for Answers<'_, '_, CO> {
             }
         }
     }
+}
+
+/// Not the larger of both, which would turn a NaN into zero and hide a diverged network.
+#[inline(always)]
+fn rectified<S: Simd>(simd: S, value: S::f32s, relu: bool) -> S::f32s {
+    let zero = simd.splat_f32s(0.0);
+    if relu { simd.select_f32s(simd.less_than_f32s(value, zero), zero, value) } else { value }
 }
 
 /// Even and odd columns of a row of pixels.
