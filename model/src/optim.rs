@@ -119,13 +119,19 @@ mod tests {
         }
     }
 
+    fn taped() -> Device {
+        Device::flex().autodiff()
+    }
+
     /// Three steps on one batch: the weights' bits, and the losses.
-    fn trained(mut optim: ModuleOptimizer) -> (Vec<u32>, Vec<f32>) {
-        let (mut net, settings, device) = (net(4), AdamW::default(), Device::flex().autodiff());
+    fn trained(mut optim: ModuleOptimizer, device: &Device) -> (Vec<u32>, Vec<f32>) {
+        let settings = AdamW::default();
+        let config = NetConfig { base: 4, ..NetConfig::default() };
+        let mut net = Nbp::new(&config, 3, device).unwrap();
         let inputs = [input(48, 5, 1), input(48, 5, 2), input(48, 5, 3)];
         let walls: Vec<u8> = (0..48 * 48).map(|i| u8::from(i % 7 == 0)).collect();
         let samples = inputs.each_ref().map(|input| SampleRef { input, labels: &[], obstacle: &walls });
-        let batch = Batch::new(&samples, &NetConfig { base: 4, ..NetConfig::default() }, &device).unwrap();
+        let batch = Batch::new(&samples, &config, device).unwrap();
         let losses = (0..3)
             .map(|_| {
                 let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets);
@@ -143,13 +149,19 @@ mod tests {
     fn one_pass_gives_the_bits_of_burns_operations() {
         let AdamW { eps, weight_decay, .. } = AdamW::default();
         let burns = AdamWConfig::new().with_epsilon(eps).with_weight_decay(weight_decay).init();
-        assert!(trained(AdamW::default().init()).0 == trained(burns).0);
+        assert!(trained(AdamW::default().init(), &taped()).0 == trained(burns, &taped()).0);
+    }
+
+    #[test]
+    fn what_is_made_again_on_the_way_back_is_the_same() {
+        let train = |device: Device| trained(AdamW::default().init(), &device);
+        assert!(train(taped().gradient_checkpointing()) == train(taped()));
     }
 
     #[test]
     fn training_is_the_same_bits_for_any_number_of_threads_and_goes_downhill() {
         let run = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let run = |threads| run(threads).install(|| trained(AdamW::default().init()));
+        let run = |threads| run(threads).install(|| trained(AdamW::default().init(), &taped()));
         let (bits, losses) = run(1);
         assert!(losses[2] < losses[0], "{losses:?}");
         for threads in [2, 5] {

@@ -129,7 +129,7 @@ pub(crate) enum Work {
 impl Work {
     pub(crate) fn new(task: Task, row: Row) -> Result<Self, Failure> {
         if task == Task::Train {
-            let device = Device::flex().autodiff();
+            let device = Device::flex().autodiff().gradient_checkpointing();
             let batch = row.samples(&device)?;
             return Ok(Self::Train { net: row.network(&device)?, optim: AdamW::default().init(), batch });
         }

@@ -11,7 +11,7 @@ const SLACK: usize = 64;
 
 /// Memory kept for the next call: fresh pages from the system cost more than filling them.
 static POOL: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
-const KEPT: usize = 4;
+const KEPT: usize = 8;
 
 /// Numbers of no particular value at first, in memory that is used again.
 #[derive(Debug)]
@@ -24,6 +24,8 @@ impl Buffer {
     pub(super) fn take(len: usize) -> Self {
         let mut memory = if len > 0 { Self::fitting(len) } else { Vec::new() };
         if memory.len() < len {
+            // What it held is not worth copying.
+            memory.clear();
             memory.resize(len, 0.0);
         }
         Self { memory, len }

@@ -1,4 +1,4 @@
-//! The two inner loops of a convolution, on lines of numbers (see [`super::buffer`]).
+//! The two inner loops of a direct convolution (odd sides, or one pixel), on lines of numbers (see [`super::buffer`]).
 //!
 //! Vector registers hold a tile of sums; each number loaded is used several times before the next one is needed. `pulp`
 //! picks the instruction set of the machine at run time, so sums are the same for any number of threads, but not on CPUs

@@ -5,7 +5,10 @@ use super::conv::{self, Geometry, Kernels};
 use super::kernel::Machine;
 use super::norm::{self, Channels, Planes};
 use super::{planes, up};
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
+use burn::backend::autodiff::NodeId;
+use burn::backend::autodiff::checkpoint::{
+    base::Checkpointer, retro_forward::RetroForward, state::BackwardStates, strategy::CheckpointStrategy,
+};
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
@@ -226,10 +229,13 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
         doubled: bool,
     ) -> FloatTensor<Self> {
         let nodes = [x.node(), weight.node(), bias.node()];
-        let [x, weight, bias] = [x, weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
-        let out = Flex::fast_conv(x.clone(), weight.clone(), bias, doubled);
+        let [kernel, bias] = [weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
+        let out = Flex::fast_conv(x.clone().into_primitive(), kernel.clone(), bias, doubled);
         match ConvBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(ConvState { x, weight, doubled }, out),
+            OpsKind::Tracked(mut prep) => {
+                let x = prep.checkpoint(&x);
+                prep.finish(ConvState { x, weight: kernel, doubled }, out)
+            }
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
     }
@@ -260,11 +266,23 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
         relu: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         let nodes = [x.node(), weight.node(), bias.node()];
-        let [x, weight, bias] = [x, weight, bias].map(|tensor| contiguous(tensor.into_primitive()));
-        let (out, mean, var) = Flex::fast_norm_train(x.clone(), weight.clone(), bias.clone(), epsilon, relu);
-        let out = match NormBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                prep.finish(NormState { x, weight, bias, mean: mean.clone(), var: var.clone(), epsilon, relu }, out)
+        let [scale, shift] = [&weight, &bias].map(|tensor| contiguous(tensor.clone().into_primitive()));
+        let (out, mean, var) =
+            Flex::fast_norm_train(x.clone().into_primitive(), scale.clone(), shift.clone(), epsilon, relu);
+        let norm = NormState {
+            x: nodes[0].id(),
+            weight: scale,
+            bias: shift,
+            mean: mean.clone(),
+            var: var.clone(),
+            epsilon,
+            relu,
+        };
+        let prep = NormBackward.prepare::<C>(nodes).memory_bound().retro_forward(norm.clone());
+        let out = match prep.parents([&x, &weight, &bias]).stateful() {
+            OpsKind::Tracked(mut prep) => {
+                prep.checkpoint(&x);
+                prep.finish(norm, out)
             }
             OpsKind::UnTracked(prep) => prep.finish(out),
         };
@@ -285,21 +303,24 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
     }
 
     fn fast_pool(x: FloatTensor<Self>) -> FloatTensor<Self> {
-        let nodes = [x.node()];
-        let x = contiguous(x.into_primitive());
-        let out = Flex::fast_pool(x.clone());
-        match PoolBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(x, out),
+        let out = Flex::fast_pool(x.clone().into_primitive());
+        match PoolBackward.prepare::<C>([x.node()]).compute_bound().stateful() {
+            OpsKind::Tracked(mut prep) => {
+                let x = prep.checkpoint(&x);
+                prep.finish(x, out)
+            }
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
     }
 
     fn fast_scale(x: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self> {
         let nodes = [x.node(), factor.node()];
-        let [x, factor] = [x, factor].map(|tensor| contiguous(tensor.into_primitive()));
-        let out = Flex::fast_scale(x.clone(), factor.clone());
+        let out = Flex::fast_scale(x.clone().into_primitive(), factor.clone().into_primitive());
         match ScaleBackward.prepare::<C>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((x, factor), out),
+            OpsKind::Tracked(mut prep) => {
+                let state = [prep.checkpoint(&x), prep.checkpoint(&factor)];
+                prep.finish(state, out)
+            }
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
     }
@@ -319,7 +340,7 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
 
 #[derive(Clone, Debug)]
 struct ConvState {
-    x: Flexed,
+    x: NodeId,
     weight: Flexed,
     doubled: bool,
 }
@@ -330,9 +351,10 @@ struct ConvBackward;
 impl Backward<Flex, 3> for ConvBackward {
     type State = ConvState;
 
-    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
         let g = contiguous(grads.consume::<Flex>(&ops.node));
         let ConvState { x, weight, doubled } = ops.state;
+        let x = contiguous(checkpointer.retrieve_node_output(x));
         let [node_x, node_weight, node_bias] = ops.parents;
         let size = geometry(&x, &weight);
         let backward = if doubled { up::backward } else { conv::backward };
@@ -351,7 +373,7 @@ impl Backward<Flex, 3> for ConvBackward {
 
 #[derive(Clone, Debug)]
 struct NormState {
-    x: Flexed,
+    x: NodeId,
     weight: Flexed,
     bias: Flexed,
     mean: Flexed,
@@ -360,15 +382,25 @@ struct NormState {
     relu: bool,
 }
 
+/// Under gradient checkpointing the answer is not kept, but made again.
+impl RetroForward for NormState {
+    fn forward(&self, states: &mut BackwardStates, out: NodeId) {
+        let Self { weight, bias, mean, var, epsilon, relu, .. } = self.clone();
+        let x: Flexed = states.get_state(&self.x);
+        states.save(out, Flex::fast_norm(x, weight, bias, mean, var, epsilon, relu));
+    }
+}
+
 #[derive(Debug)]
 struct NormBackward;
 
 impl Backward<Flex, 3> for NormBackward {
     type State = NormState;
 
-    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
         let g = contiguous(grads.consume::<Flex>(&ops.node));
         let NormState { x, weight, bias, mean, var, epsilon, relu } = ops.state;
+        let x = contiguous(checkpointer.retrieve_node_output(x));
         let channels = Channels {
             mean: numbers(&mean),
             var: numbers(&var),
@@ -396,11 +428,11 @@ struct PoolBackward;
 
 impl Backward<Flex, 1> for PoolBackward {
     /// Input.
-    type State = Flexed;
+    type State = NodeId;
 
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
         let g = contiguous(grads.consume::<Flex>(&ops.node));
-        let x = ops.state;
+        let x = contiguous(checkpointer.retrieve_node_output(ops.state));
         if let [Some(node)] = ops.parents {
             let shape = dims::<4>(&x);
             grads.register::<Flex>(node.id, tensor(planes::pool_backward(numbers(&x), shape[3], numbers(&g)), shape));
@@ -413,11 +445,11 @@ struct ScaleBackward;
 
 impl Backward<Flex, 2> for ScaleBackward {
     /// Planes and factor.
-    type State = (Flexed, Flexed);
+    type State = [NodeId; 2];
 
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
         let g = contiguous(grads.consume::<Flex>(&ops.node));
-        let (x, factor) = ops.state;
+        let [x, factor] = ops.state.map(|tensor| contiguous(checkpointer.retrieve_node_output(tensor)));
         let [node_x, node_factor] = ops.parents;
         if let Some(node) = node_factor {
             let found = planes::scale_backward(plane_sizes(&x), numbers(&x), numbers(&g));

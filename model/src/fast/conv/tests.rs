@@ -1,4 +1,5 @@
 use super::*;
+use crate::fast::up;
 
 /// Numbers in `[-1, 1)` without a pattern.
 fn noise(count: usize, seed: u32) -> Vec<f32> {
@@ -93,25 +94,28 @@ fn both_directions_agree_with_the_definition() {
 
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
-    let size = Geometry { batch: 3, cin: 6, cout: 20, height: 24, width: 40, kernel: 3 };
-    let (x, g) = (noise(3 * 6 * 960, 1), noise(3 * 20 * 960, 2));
-    let (weight, bias) = (noise(20 * 6 * 9, 3), noise(20, 4));
-    let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let found = backward(Machine::new(), size, &x, &weight, &g, true);
-            [
-                forward(Machine::new(), size, &x, Kernels { weight: &weight, bias: &bias, scale: None, relu: false }),
-                found.x.unwrap(),
-                found.weight,
-                found.bias,
-            ]
-            .concat()
-        })
-    };
-    let bits = |numbers: Vec<f32>| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-    let one = bits(run(1));
-    for threads in [2, 3, 7] {
-        assert_eq!(bits(run(threads)), one);
+    // Many tiles, many channels, and sides that only the direct kernels take.
+    for (batch, cin, cout, height, width) in [(3, 6, 20, 24, 40), (2, 130, 140, 8, 8), (2, 6, 20, 9, 11)] {
+        let size = Geometry { batch, cin, cout, height, width, kernel: 3 };
+        let (x, g) = (noise(batch * cin * size.area(), 1), noise(4 * batch * cout * size.area(), 2));
+        let (weight, bias) = (noise(cout * cin * 9, 3), noise(cout, 4));
+        let kernels = Kernels { weight: &weight, bias: &bias, scale: None, relu: false };
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let small = &g[..batch * cout * size.area()];
+                let same = backward(Machine::new(), size, &x, &weight, small, true);
+                let doubled = up::backward(Machine::new(), size, &x, &weight, &g, true);
+                let answers =
+                    [forward(Machine::new(), size, &x, kernels), up::forward(Machine::new(), size, &x, kernels)];
+                let gradients = [same, doubled].map(|found| [found.x.unwrap(), found.weight, found.bias].concat());
+                [answers.concat(), gradients.concat()].concat()
+            })
+        };
+        let bits = |numbers: Vec<f32>| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>();
+        let one = bits(run(1));
+        for threads in [2, 3, 7] {
+            assert!(bits(run(threads)) == one, "{size:?} on {threads} threads");
+        }
     }
 }

@@ -54,15 +54,13 @@ impl Shape {
         self.inputs * self.outputs
     }
 
-    /// Takes both sides of a strip to the points.
-    fn spread(&self, on: Machine, strip: usize, [x, g]: [&[f32]; 2], [v, m]: [&mut [f32]; 2], scratch: &mut [f32]) {
+    /// Takes both sides of a strip to the points, at once if there are threads to spare.
+    fn spread(&self, on: Machine, strip: usize, [x, g]: [&[f32]; 2], [v, m]: [&mut [f32]; 2]) {
         let Self { form, strips, .. } = *self;
-        on.run(Inputs { form, strips, strip, x, v, lines: scratch });
-        on.run(Gradients { shape: *self, strip, g, m, pixels: scratch });
-    }
-
-    fn scratch(&self) -> usize {
-        self.strips.lines().max(self.pixels())
+        rayon::join(
+            || with_scratch(strips.lines(), |lines| on.run(Inputs { form, strips, strip, x, v, lines })),
+            || with_scratch(self.pixels(), |pixels| on.run(Gradients { shape: *self, strip, g, m, pixels })),
+        );
     }
 }
 
@@ -70,6 +68,9 @@ impl Shape {
 ///
 /// Each number is summed in an order that does not depend on the threads.
 pub(super) fn gradient(form: Form, on: Machine, size: Geometry, x: &[f32], g: &[f32]) -> Vec<f32> {
+    if size.batch == 0 {
+        return vec![0.0; size.cout * size.cin * 9];
+    }
     let strips = Strips::of(form, size, TILES);
     let (inputs, outputs) = (size.cin.next_multiple_of(CI), size.cout.next_multiple_of(ALIGN));
     let shape = Shape { form, size, strips, inputs, outputs };
@@ -79,17 +80,16 @@ pub(super) fn gradient(form: Form, on: Machine, size: Geometry, x: &[f32], g: &[
     let of_strip = [strips.inputs(), shape.gradients()];
     if parts.len() > sums {
         parts.par_chunks_mut(sums).enumerate().for_each(|(part, sums)| {
-            with_scratch(of_strip[0] + of_strip[1] + shape.scratch(), |scratch| {
-                let (v, scratch) = scratch.split_at_mut(of_strip[0]);
-                let (m, scratch) = scratch.split_at_mut(of_strip[1]);
-                for strip in part * strips_of_part..strips.count().min((part + 1) * strips_of_part) {
-                    shape.spread(on, strip, [x, g], [v, m], scratch);
-                    let is_first = strip == part * strips_of_part;
-                    for (point, sums) in sums.chunks_mut(shape.point()).enumerate() {
-                        on.run(Sums { shape, strip, point, inputs: 0..inputs, v, m, is_first, sums });
-                    }
+            let mut v = Buffer::take(of_strip[0]);
+            let mut m = Buffer::take(of_strip[1]);
+            let first = part * strips_of_part;
+            for strip in first..strips.count().min(first + strips_of_part) {
+                shape.spread(on, strip, [x, g], [&mut v, &mut m]);
+                for (point, sums) in sums.chunks_mut(shape.point()).enumerate() {
+                    let is_first = strip == first;
+                    on.run(Sums { shape, strip, point, inputs: 0..inputs, v: &v, m: &m, is_first, sums });
                 }
-            });
+            }
         });
     } else {
         let at_a_time = (SHARED / (of_strip[0] + of_strip[1])).clamp(1, strips.count());
@@ -99,7 +99,7 @@ pub(super) fn gradient(form: Form, on: Machine, size: Geometry, x: &[f32], g: &[
             let several = first..strips.count().min(first + at_a_time);
             let both = v.par_chunks_mut(of_strip[0]).zip(m.par_chunks_mut(of_strip[1]));
             both.enumerate().take(several.len()).for_each(|(k, (v, m))| {
-                with_scratch(shape.scratch(), |scratch| shape.spread(on, first + k, [x, g], [v, m], scratch));
+                shape.spread(on, first + k, [x, g], [v, m]);
             });
             // Of a point and some inputs at a time, so that a task's part of both sides stays in the cache.
             let of_task = inputs.div_ceil(4).next_multiple_of(CI);

@@ -2,7 +2,7 @@
 //! (Lavin & Gray, 2016), or 9 if the image is seen at twice its size.
 //!
 //! A *tile* is a square of four output pixels and the input pixels that it looks at. Inputs and weights are taken to
-//! *points* ([`points`]), at each of which the tiles' answers are a product of matrices ([`matrix`]), outputs × inputs times
+//! *points* of the transform domain ([`points`]), at each of which the tiles' answers are a product of matrices ([`matrix`]), outputs × inputs times
 //! inputs × tiles; a last transform takes the products back to pixels. A strip of tiles goes through all of it while it is
 //! in the cache ([`strip`]), so nothing larger is ever stored.
 
@@ -90,7 +90,8 @@ fn convolve_as(
     }
 }
 
-/// Enough tasks for many threads.
+/// Tasks that a convolution is cut into at least, twice as many for weights' gradients: what more than 16 threads would do
+/// is not known. Fixed, since sums depend on it.
 const TASKS: usize = 8;
 fn convolve_by<const CO: usize>(
     form: Form,
@@ -101,6 +102,9 @@ fn convolve_by<const CO: usize>(
     bias: &[f32],
     relu: bool,
 ) -> Vec<f32> {
+    if size.batch == 0 {
+        return Vec::new();
+    }
     let strips = Strips::new(form, size);
     let blocks = size.cout.div_ceil(CO);
     let per_block = form.points() * size.cin * CO;

@@ -1,4 +1,25 @@
-//! Pixels, weights and answers at the points of a tile.
+//! The transforms of pixels, weights and answers to and from the points of a tile.
+//!
+//! In one direction, for pixels `d`, weights `w` and answers `y = Aᵀ[(G w) ⊙ (Bᵀ d)]`, both directions the same way:
+//!
+//! ```text
+//! Same      Bᵀ = 1  0 -1  0     G = 1   0   0     Aᵀ = 1  1  1  0     d = four pixels, the first left of the tile
+//!                0  1  1  0         ½   ½   ½          0  1 -1 -1
+//!                0 -1  1  0         ½  -½   ½
+//!                0  1  0 -1         0   0   1
+//!
+//! Doubled   Bᵀ = 1 -1  0        G = 1   0   0     Aᵀ = 1  1  0        d = three pixels of the small image
+//!                0  1  0            1   1   1          0  1 -1
+//!                0  1 -1            0   0   1
+//!
+//! Halved    Bᵀ = 1  0 -1  0     G = 0   0   1     Aᵀ = 1  1  1        d = four pixels of the large gradient
+//!                0  1  1  0         1   1   1
+//!                0  1  0 -1        -1   0   0
+//! ```
+//!
+//! `Doubled` is `Same` with `d = (p, q, q, r)`: its third point is `q - q = 0`, and the factor 2 of its second goes into the
+//! weights. `Halved` is `Doubled` turned around (its transposed matrix), with the answers' `A` and the pixels' `B` joined, so
+//! that what is left to do after the products is to add them up.
 
 use pulp::{Simd, WithSimd};
 
