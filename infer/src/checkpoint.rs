@@ -11,7 +11,6 @@ use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredi
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Key of the simulator's settings in a checkpoint's `meta`.
 pub const SIM: &str = "sim";
@@ -32,10 +31,9 @@ pub struct Settings {
 }
 
 /// A checkpoint in use.
-#[derive(Clone)]
 pub struct Loaded {
     /// The network.
-    pub predictor: Arc<NetPredictor>,
+    pub predictor: NetPredictor,
     /// Its description.
     pub config: CheckpointConfig,
     /// Where it computes, for logs.
@@ -136,7 +134,7 @@ pub fn load(path: &Path, device: DeviceChoice) -> Result<Loaded, CheckpointError
     let device = device.resolve_for("infer")?;
     let predictor = NetPredictor::load(&dir, &device)?;
     let (config, device) = (predictor.config().clone(), device_name(&device));
-    Ok(Loaded { predictor: Arc::new(predictor), config, device })
+    Ok(Loaded { predictor, config, device })
 }
 
 /// Whether the simulator shows what the network was trained to see.

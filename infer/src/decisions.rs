@@ -63,31 +63,18 @@ fn one(
     let context = PolicyContext { predictor: Some(Arc::clone(predictors[0])), nbp: config };
     let mut policy: Box<dyn Policy> =
         registry::build(PolicyKind::Nbp, &context, world).unwrap_or_else(|_| unreachable!("the context has a network"));
-    let (mut agreement, mut failed) = (Agreement::default(), None);
+    let mut agreement = Agreement::default();
     run_episode(world, policy.as_mut(), trial, |episode, _| {
-        if episode.is_over() || failed.is_some() {
-            return;
+        if !episode.is_over() {
+            let first = decide(predictors[0], config, episode, trial)?;
+            let second = decide(predictors[1], config, episode, trial)?;
+            agreement.steps += 1;
+            agreement.actions += usize::from(first.0 == second.0);
+            agreement.plans += usize::from(first == second);
         }
-        match predictors.map(|predictor| decide(predictor, config, episode, trial)) {
-            [Ok(first), Ok(second)] => {
-                agreement.steps += 1;
-                agreement.actions += usize::from(first.0 == second.0);
-                agreement.plans += usize::from(first == second);
-            }
-            [first, second] => failed = first.err().or(second.err()).map(|error| (error, episode.steps())),
-        }
+        Ok(())
     })?;
-    match failed {
-        None => Ok(agreement),
-        Some((source, step)) => Err(RolloutError::Policy {
-            scene: world.scene().name().to_owned(),
-            policy: PolicyKind::Nbp.name().to_owned(),
-            start: trial.start,
-            seed: trial.seed,
-            step,
-            source,
-        }),
-    }
+    Ok(agreement)
 }
 
 /// What the network decides here with nothing planned before, and the way that it plans; chance is the same for both.

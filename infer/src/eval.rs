@@ -176,7 +176,7 @@ impl Job<'_> {
 
     fn run(&self, context: &PolicyContext) -> Result<EpisodeRecord, EvalError> {
         let mut policy = registry::build(self.kind, context, self.world)?;
-        Ok(run_episode(self.world, policy.as_mut(), self.trial, |_, _| ())?.record)
+        Ok(run_episode(self.world, policy.as_mut(), self.trial, |_, _| Ok(()))?.record)
     }
 }
 

@@ -38,7 +38,9 @@ impl Fingerprints {
         let scenes = worlds.iter().map(|world| (world.scene().name().to_owned(), of_scene(world))).collect();
         // Debug forms of plain settings: every field enters, and there is no number that it cannot write.
         let blind = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), settings.sim, config.steps);
-        let network = format!("{blind} {:?} {:016x}", settings.policy, weights.map_or(0, hash));
+        // The time of decisions depends on how many are made together; one by one is not named, as it once was the only way.
+        let together = if config.batch > 1 { format!(" {}", config.batch) } else { String::new() };
+        let network = format!("{blind} {:?} {:016x}{together}", settings.policy, weights.map_or(0, hash));
         Self { scenes, blind, network }
     }
 

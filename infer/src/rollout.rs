@@ -114,41 +114,45 @@ pub struct Rollout {
     pub episode: Episode,
 }
 
-/// Lets `policy` act for a whole trial. `on_step` is called at the start and after every step.
+/// Lets `policy` act for a whole trial. `on_step` is called at the start and after every step, and ends it where it fails.
 ///
 /// # Errors
-/// When the scene has no such start, nobody can stand there, or the policy fails.
+/// When the scene has no such start, nobody can stand there, or the policy or `on_step` fails.
 pub fn run_episode(
     world: &Arc<World>,
     policy: &mut dyn Policy,
     trial: Trial,
-    mut on_step: impl FnMut(&Episode, &dyn Policy),
+    mut on_step: impl FnMut(&Episode, &dyn Policy) -> Result<(), PolicyError>,
 ) -> Result<Rollout, RolloutError> {
     let scene = world.scene().name();
     let seeds = trial.seeds(scene);
     let mut rng = seeds.child(&format!("policy:{}", policy.name()), 0).rng();
     let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds)?;
     let (mut deciding, mut decisions) = (0.0, 0_usize);
-    policy.begin();
-    on_step(&episode, policy);
-    while !episode.is_over() {
-        let clock = Instant::now();
-        let decision = decide(policy, &episode, &mut rng).map_err(|source| RolloutError::Policy {
+    let name = policy.name();
+    let failed = |step: usize| {
+        move |source: PolicyError| RolloutError::Policy {
             scene: scene.to_owned(),
-            policy: policy.name().to_owned(),
+            policy: name.to_owned(),
             start: trial.start,
             seed: trial.seed,
-            step: episode.steps(),
+            step,
             source,
-        })?;
+        }
+    };
+    policy.begin();
+    on_step(&episode, policy).map_err(failed(0))?;
+    while !episode.is_over() {
+        let clock = Instant::now();
+        let decision = decide(policy, &episode, &mut rng).map_err(failed(episode.steps()))?;
         deciding += clock.elapsed().as_secs_f64();
         decisions += 1;
         episode.follow(decision);
-        on_step(&episode, policy);
+        on_step(&episode, policy).map_err(failed(episode.steps()))?;
     }
     let record = EpisodeRecord {
         scene: scene.to_owned(),
-        policy: policy.name().to_owned(),
+        policy: name.to_owned(),
         start: trial.start,
         seed: trial.seed,
         steps: episode.steps(),
@@ -175,7 +179,7 @@ mod tests {
     fn run(kind: PolicyKind, trial: Trial) -> Result<Rollout, RolloutError> {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
         let mut policy = registry::build(kind, &with_network(), &world).unwrap();
-        run_episode(&world, policy.as_mut(), trial, |_, _| ())
+        run_episode(&world, policy.as_mut(), trial, |_, _| Ok(()))
     }
 
     #[test]

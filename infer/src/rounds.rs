@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::Builder;
 
 /// Runs `job` for every item, `batch` at a time, with a predictor of its own each; answers come in the order of the items.
 /// As many of them compute at once as the pool has threads. A batch of one or none lets each job ask the network itself.
@@ -20,10 +21,10 @@ pub fn try_map<T: Sync, R: Send, E: Send>(
     predictor: &Arc<dyn Predictor>,
     job: impl Fn(&T, Arc<dyn Predictor>) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
-    if batch <= 1 {
+    let seats = batch.min(items.len());
+    if seats <= 1 {
         return parallel::try_map(items, |item| job(item, Arc::clone(predictor)));
     }
-    let seats = batch.min(items.len());
     let state = State { seated: seats, free: rayon::current_num_threads(), ..State::default() };
     let rounds = Arc::new(Rounds { network: Arc::clone(predictor), state: Mutex::new(state), changed: Condvar::new() });
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -38,7 +39,14 @@ pub fn try_map<T: Sync, R: Send, E: Send>(
             results.lock().unwrap_or_else(PoisonError::into_inner).push((number, result));
         }
     };
-    std::thread::scope(|scope| (0..seats).for_each(|_| drop(scope.spawn(work))));
+    std::thread::scope(|scope| {
+        let begun = (0..seats).filter(|_| Builder::new().spawn_scoped(scope, work).is_ok()).count();
+        // Nobody waits for threads that the system refuses; without any, this one does all.
+        rounds.leave(seats - begun.max(1));
+        if begun == 0 {
+            work();
+        }
+    });
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     results.sort_by_key(|(number, _)| *number);
     results.into_iter().map(|(_, result)| result).collect()
@@ -67,6 +75,13 @@ struct Rounds {
 impl Rounds {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// So many seats will not be taken again.
+    fn leave(&self, seats: usize) {
+        let mut state = self.lock();
+        state.seated -= seats;
+        self.ask_when_all_wait(state);
     }
 
     /// Asks the network if everybody waits for it.
@@ -130,10 +145,8 @@ impl<'a> Place<'a> {
 
 impl Drop for Place<'_> {
     fn drop(&mut self) {
-        let mut state = self.0.lock();
-        state.free += 1;
-        state.seated -= 1;
-        self.0.ask_when_all_wait(state);
+        self.0.lock().free += 1;
+        self.0.leave(1);
     }
 }
 

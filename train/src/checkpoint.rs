@@ -8,7 +8,7 @@ use burn::module::Module as _;
 use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Device};
 use nbp_model::{AdamW, CheckpointConfig, Nbp, NetConfig, WeightsError, weights};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,7 @@ const OPTIMISER_FILE: &str = "optimiser.bpk";
 
 /// Where in the loop a run stands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Progress {
     /// Iteration being worked on.
     pub iteration: usize,
@@ -39,7 +40,7 @@ pub struct Progress {
     /// The last validation.
     pub validation: Option<Validation>,
     /// Seconds of work so far, by what they were spent on.
-    #[serde(default)]
+    #[serde(alias = "seconds", deserialize_with = "spent")]
     pub spent: Spent,
     /// All iterations are done, or the training stopped early.
     pub done: bool,
@@ -62,6 +63,20 @@ impl Progress {
             done: false,
         }
     }
+}
+
+/// Checkpoints once told `seconds` alone.
+fn spent<'de, D: Deserializer<'de>>(from: D) -> Result<Spent, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Told {
+        Seconds(f64),
+        Parts(Spent),
+    }
+    Ok(match Told::deserialize(from)? {
+        Told::Seconds(wall) => Spent { wall, ..Spent::default() },
+        Told::Parts(spent) => spent,
+    })
 }
 
 /// `state.json`: progress, and what the other files must be.
@@ -207,4 +222,27 @@ fn remove(folder: &Path) -> Result<(), CheckpointError> {
 
 fn io(path: &Path, source: std::io::Error) -> CheckpointError {
     CheckpointError::Io { path: path.to_path_buf(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_of_old_checkpoints_are_kept() {
+        let old = r#"{
+            "progress": {
+                "iteration": 2, "collected": true, "epoch": 1, "step_of_epoch": 3, "steps": 40, "memory": 700,
+                "held_out": 70, "plateau": { "lr": 0.001, "best": null, "since_best": 0, "since_decay": 0 },
+                "validation": null, "seconds": 12.25, "done": false
+            },
+            "crc32": {}
+        }"#;
+        let progress = serde_json::from_str::<State>(old).unwrap().progress;
+        assert_eq!(progress.spent, Spent { wall: 12.25, ..Spent::default() });
+        assert_eq!(progress.spent.tell(2), "training took 12 s");
+        let spent = Spent { network: 3.0, ..progress.spent };
+        let text = serde_json::to_string(&Progress { spent, ..progress }).unwrap();
+        assert_eq!(serde_json::from_str::<Progress>(&text).unwrap().spent, spent);
+    }
 }

@@ -29,11 +29,15 @@ pub struct Spent {
 }
 
 impl Spent {
-    /// Shares of the wall time, and of the cores' time that was left idle by `threads` threads, if known.
+    /// Shares of the wall time, and of the cores' time that was left idle by `threads` threads, if known; none where only
+    /// the wall time is known.
     pub fn shares(&self, threads: usize) -> Vec<(&'static str, f64)> {
         let wall = self.wall.max(f64::MIN_POSITIVE);
         let parts =
             [("network", self.network), ("inference", self.inference), ("simulator", self.simulator), ("io", self.io)];
+        if parts.iter().all(|&(_, seconds)| seconds == 0.0) {
+            return Vec::new();
+        }
         let idle = (self.cpu > 0.0).then(|| ("idle_cores", (1.0 - self.cpu / (wall * threads as f64)).max(0.0)));
         parts.map(|(name, seconds)| (name, seconds / wall)).into_iter().chain(idle).collect()
     }
@@ -45,7 +49,8 @@ impl Spent {
             .iter()
             .map(|(name, share)| format!("{} {:.1} %", named(name), 100.0 * share))
             .collect();
-        format!("training took {:.0} s: {}", self.wall, shares.join(", "))
+        let colon = if shares.is_empty() { "" } else { ": " };
+        format!("training took {:.0} s{colon}{}", self.wall, shares.join(", "))
     }
 
     fn zip(self, other: Self, with: impl Fn(f64, f64) -> f64) -> Self {

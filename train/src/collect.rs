@@ -62,13 +62,10 @@ pub fn trajectories(
     let timed: Arc<dyn Predictor> = network.clone();
     let jobs: Vec<(usize, usize)> = (0..worlds.len()).flat_map(|w| (0..count).map(move |n| (w, n))).collect();
     let trajectories = rounds::try_map(&jobs, config.batch, &timed, |&(w, n), predictor| {
-        if interrupt::asked() {
-            return Err(CollectError::Interrupted);
-        }
         let seed = seed.child("world", w as u64).child("trajectory", n as u64);
         let trajectory = trajectory(&worlds[w], predictor, config, seed)?;
         on_done(&trajectory);
-        Ok(trajectory)
+        Ok::<_, CollectError>(trajectory)
     })?;
     let sum = |part: usize| trajectories.iter().map(|t: &Trajectory| t.seconds[part]).sum::<f64>();
     // A call for all has all threads to itself.
@@ -101,6 +98,9 @@ fn trajectory(
     let mut samples = Vec::new();
     let mut path = vec![waypoint(&episode)];
     while !episode.is_over() && episode.curve().last().is_none_or(|&share| share <= config.enough) {
+        if interrupt::asked() {
+            return Err(CollectError::Interrupted);
+        }
         let action = policy.act(&episode.view(), &mut rng)?;
         // A plan made just now ends the path before it: the pose between them is its goal and the next one's start.
         if policy.plan().is_some_and(|plan| plan.made_at == episode.steps()) && path.len() > 1 {

@@ -93,6 +93,7 @@ fn train(arguments: &Arguments) -> Result<Outcome> {
 
     let bars = Bars::detect(arguments.quiet);
     let (net, device) = (config.net_config(), device.autodiff());
+    let device = if config.train.gradient_checkpointing { device.gradient_checkpointing() } else { device };
     let (last, best) = (checkpoint::last(&folder), checkpoint::best(&folder));
     let (has_last, has_best) = (checkpoint::recover(&last)?, checkpoint::recover(&best)?);
     let (learner, progress) = if has_last || has_best {
@@ -182,9 +183,11 @@ fn prepare(folder: &Path, config: &Config) -> Result<()> {
         true => Config::load(std::slice::from_ref(&path), &[])?.differences(config),
         false => Vec::new(),
     };
-    let is_of_the_table =
-        |line: &&String| ["eval.", "scenes.held_out.", "policy."].iter().any(|part| line.starts_with(part));
-    let learnt: Vec<String> = differences.iter().filter(|line| !is_of_the_table(line)).cloned().collect();
+    let (of_the_table, mut learnt): (Vec<String>, Vec<String>) = differences
+        .into_iter()
+        .partition(|line| ["eval.", "scenes.held_out.", "policy."].iter().any(|part| line.starts_with(part)));
+    // These change what a step costs, not what is learnt.
+    learnt.retain(|line| !["collect.batch:", "train.gradient_checkpointing:"].iter().any(|key| line.starts_with(key)));
     if !learnt.is_empty() {
         bail!(
             "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
@@ -193,7 +196,7 @@ fn prepare(folder: &Path, config: &Config) -> Result<()> {
         );
     }
     let table = folder.join(TABLE);
-    if !differences.is_empty() && table.exists() {
+    if !of_the_table.is_empty() && table.exists() {
         fs::remove_file(&table).with_context(|| format!("removing the old {}", table.display()))?;
     }
     weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable)

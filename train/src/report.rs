@@ -80,14 +80,15 @@ pub fn log_sample(
 pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
     let worlds = scenes::load(&config.scenes.held_out, &config.sim, "held-out scenes", log.bars)?;
     let best = infer_checkpoint::load(&checkpoint::best(run), config.device)?;
-    let context = PolicyContext { predictor: Some(best.predictor), nbp: config.policy };
+    let context = PolicyContext { predictor: Some(Arc::new(best.predictor)), nbp: config.policy };
     let compared = EvalConfig {
         policies: config.eval.policies.clone(),
         steps: config.eval.steps,
         seeds: 1,
         seed: config.seed,
         starts_limit: Some(config.eval.starts),
-        batch: config.collect.batch,
+        // Side by side, the time of a decision would have the waiting for others in it.
+        batch: 1,
     };
     let starts = worlds.iter().map(|world| world.scene().starts().len().min(config.eval.starts)).sum::<usize>();
     let bar = log.bars.start("held-out episodes", starts * compared.policies.len());

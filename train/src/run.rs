@@ -117,7 +117,7 @@ impl Session {
     fn collect(&mut self, iteration: usize, seed: SeedTree) -> Result<Outcome> {
         let config = &self.config.collect;
         let count = if iteration == 0 { config.first_trajectories } else { config.trajectories };
-        let predictor: Arc<dyn Predictor> = Arc::new(self.predictor());
+        let predictor: Arc<dyn Predictor> = Arc::new(self.predictor().with_chunk(config.batch));
         let bar = self.log.bars.start(&format!("iteration {}: collect", iteration + 1), count * self.worlds.len());
         let begun = Instant::now();
         let collected = collect::trajectories(&self.worlds, &predictor, config, count, seed, |t| {

@@ -31,6 +31,16 @@ pub enum StepError {
         /// Steps of the optimiser before it.
         step: usize,
     },
+    /// A step on part of its samples would be another step.
+    #[error("only {found} of the {wanted} batches of step {step} were made: the weights were left as they are")]
+    Missing {
+        /// Batches that came.
+        found: usize,
+        /// Batches of the step.
+        wanted: usize,
+        /// Steps of the optimiser before it.
+        step: usize,
+    },
 }
 
 /// The network in training.
@@ -51,18 +61,19 @@ impl Learner {
     /// One step on the mean loss of `count` batches, each a forward pass of its own.
     ///
     /// # Errors
-    /// When samples cannot be read or the loss is not finite; the weights do not move then.
+    /// When samples cannot be read, batches are missing or the loss is not finite; the weights do not move then.
     pub fn step(
         &mut self,
-        batches: impl Iterator<Item = Result<Batch, StepError>>,
+        mut batches: impl Iterator<Item = Result<Batch, StepError>>,
         count: usize,
         lr: f64,
     ) -> Result<LossValues, StepError> {
         let mut accumulator = GradientsAccumulator::new();
         let mut mean = LossValues { total: 0.0, mse: 0.0, bce: 0.0, sigma: [0.0; 2] };
         let share = 1.0 / count.max(1) as f32;
-        for batch in batches.take(count) {
-            let batch = batch?;
+        for found in 0..count {
+            let missing = StepError::Missing { found, wanted: count, step: self.steps };
+            let batch = batches.next().ok_or(missing)??;
             let output = self.net.forward(batch.x_bchw.clone());
             let losses = loss(&self.net, output, &batch.targets);
             let values = losses.values();
@@ -158,4 +169,36 @@ pub fn load(
         .map(|sample| SampleRef { input: &sample.input, labels: &sample.labels, obstacle: &sample.obstacles })
         .collect();
     Ok(Batch::new(&parts, config, device)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nbp_env::EncoderInput;
+    use nbp_env::window::{Window, WindowSize};
+    use nbp_model::AdamW;
+
+    fn batch(config: &NetConfig, device: &Device) -> Batch {
+        let window = Window { size: WindowSize { pixels: 32, metres: 20.0 }, centre: [0, 0], height: 0.0 };
+        let counts = (0..config.in_channels as u16 * 32 * 32).map(|n| n % 7).collect();
+        let input = EncoderInput { window, channels: config.in_channels, counts };
+        let sample = SampleRef { input: &input, labels: &[], obstacle: &[1; 32 * 32] };
+        Batch::new(&[sample], config, device).unwrap()
+    }
+
+    #[test]
+    fn a_step_on_part_of_its_batches_is_not_made() {
+        let (config, device) = (NetConfig { base: 2, ..NetConfig::default() }, Device::flex().autodiff());
+        let net = Nbp::new(&config, 1, &device).unwrap();
+        let mut learner = Learner { net, optim: AdamW::default().init(), config, device, steps: 0 };
+        let weights = |learner: &Learner| learner.net.clone().into_record().into_bytes().unwrap().to_vec();
+        let before = weights(&learner);
+        let made = |count| (0..count).map(|_| Ok(batch(&config, &learner.device))).collect::<Vec<_>>();
+        let (one, two) = (made(1), made(2));
+        let error = learner.step(one.into_iter(), 2, 1e-3).unwrap_err().to_string();
+        assert!(error.contains("only 1 of the 2 batches of step 0"), "{error}");
+        assert_eq!((learner.steps, weights(&learner)), (0, before.clone()));
+        learner.step(two.into_iter(), 2, 1e-3).unwrap();
+        assert!(learner.steps == 1 && weights(&learner) != before);
+    }
 }

@@ -62,9 +62,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     }
     let starts_limit = args.starts.or(read.eval.starts);
     anyhow::ensure!(starts_limit != Some(0), "eval.starts is 0: it must be at least 1");
-    let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, talk)?;
-    let (seeds, seed) = (usize::from(args.seeds), args.setup.seed);
-    let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch: usize::from(args.batch) };
+    let (seeds, seed, batch) = (usize::from(args.seeds), args.setup.seed, usize::from(args.batch));
+    let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, batch, talk)?;
+    let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch };
 
     let (bar, read) = (talk.bar(1, "scenes"), AtomicUsize::new(0));
     // Nothing that is written here has colours.

@@ -3,6 +3,7 @@
 use super::output::Output;
 use super::setup;
 use super::talk::Talk;
+use super::usage;
 use anyhow::{Context, Result};
 use nbp_env::Predictor;
 use nbp_env::explain::show;
@@ -12,6 +13,9 @@ use nbp_model::weights::{self, Precision, WEIGHTS_FILE};
 use nbp_model::{DeviceChoice, NetPredictor};
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// Where `train` leaves what it resumes from, beside the weights.
+const TRAINING_STATE: &str = "state.json";
 
 /// Options of `infer export`.
 #[derive(clap::Args)]
@@ -34,7 +38,15 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
+    if args.steps == 0 {
+        usage("--steps must be at least 1");
+    }
     let from = checkpoint::folder(&args.checkpoint)?;
+    anyhow::ensure!(
+        !args.out.join(TRAINING_STATE).exists(),
+        "--out {} is a checkpoint that a training resumes from: name another folder",
+        args.out.display()
+    );
     let out = Output::prepare(&args.out)?;
     anyhow::ensure!(
         std::fs::canonicalize(&from)? != std::fs::canonicalize(out.folder())?,

@@ -38,7 +38,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let out = Output::prepare(&args.out)?;
     let read = args.setup.read()?;
-    let Setup { settings, context, steps } = args.setup.setup(read, &[args.policy], device, talk)?;
+    let Setup { settings, context, steps } = args.setup.setup(read, &[args.policy], device, 1, talk)?;
     let options = LoadOptions { colour: settings.sim.colour.is_on() };
     let scene = source::load_one(&args.scene, options).context("cannot use the scene")?;
     let world = setup::worlds(vec![scene], &settings, talk)?.swap_remove(0);
@@ -68,6 +68,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
                 }
             }
         }
+        Ok(())
     });
     bar.finish();
     let Rollout { record, episode } = finished?;

@@ -74,12 +74,13 @@ impl Args {
         Ok(Read { settings, trained, eval })
     }
 
-    /// What was read and, if one of the policies needs it, the network.
+    /// What was read and, if one of the policies needs it, the network, which answers `batch` inputs at once.
     pub(super) fn setup(
         &self,
         Read { settings, trained, eval }: Read,
         policies: &[PolicyKind],
         device: DeviceChoice,
+        batch: usize,
         talk: Talk,
     ) -> Result<Setup> {
         let needy = policies.iter().find(|kind| kind.needs_network());
@@ -104,7 +105,7 @@ impl Args {
                 window.metres,
                 loaded.device
             ));
-            context.predictor = Some(loaded.predictor);
+            context.predictor = Some(Arc::new(loaded.predictor.with_chunk(batch)));
         }
         talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
         Ok(Setup { settings, context, steps })
