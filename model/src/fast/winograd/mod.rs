@@ -2,9 +2,10 @@
 //! (Lavin & Gray, 2016), or 9 if the image is seen at twice its size.
 //!
 //! A *tile* is a square of four output pixels and the input pixels that it looks at. Inputs and weights are taken to
-//! *points* of the transform domain ([`points`]), at each of which the tiles' answers are a product of matrices ([`matrix`]), outputs × inputs times
-//! inputs × tiles; a last transform takes the products back to pixels. A strip of tiles goes through all of it while it is
-//! in the cache ([`strip`]), so nothing larger is ever stored.
+//! *points* of the transform domain ([`points`]), at each of which the tiles' answers are a product of matrices
+//! ([`matrix`]), outputs × inputs times inputs × tiles; a last transform takes the products back to pixels. A strip of tiles
+//! goes through all of it while it is in the cache ([`strip`]). Only where there are few tiles for the channels are the
+//! inputs of all strips stored, and shared by tasks that each have outputs of their own.
 
 // Loops over numbers of points and lanes: `copy_from_slice` and iterators with closures would put arrays of registers into
 // memory.
@@ -93,6 +94,7 @@ fn convolve_as(
 /// Tasks that a convolution is cut into at least, twice as many for weights' gradients: what more than 16 threads would do
 /// is not known. Fixed, since sums depend on it.
 const TASKS: usize = 8;
+
 fn convolve_by<const CO: usize>(
     form: Form,
     on: Machine,
