@@ -14,6 +14,7 @@ pub mod completion;
 pub mod coverage;
 pub mod encode;
 pub mod map;
+pub mod nbv;
 pub mod predict;
 
 pub mod goal;
