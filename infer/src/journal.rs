@@ -7,7 +7,7 @@ use crate::checkpoint::Settings;
 use crate::eval::EvalConfig;
 use crate::registry::PolicyKind;
 use crate::rollout::EpisodeRecord;
-use nbp_env::{SeedTree, World};
+use nbp_env::{Scene, SeedTree, World};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -35,7 +35,7 @@ pub struct Fingerprints {
 impl Fingerprints {
     /// Of `worlds` under `settings`; `weights` are the bytes of the network's file, if there is one.
     pub fn new(worlds: &[Arc<World>], settings: &Settings, config: &EvalConfig, weights: Option<&[u8]>) -> Self {
-        let scenes = worlds.iter().map(|world| (world.scene().name().to_owned(), of_scene(world))).collect();
+        let scenes = worlds.iter().map(|world| (world.scene().name().to_owned(), of_scene(world.scene()))).collect();
         // Debug forms of plain settings: every field enters, and there is no number that it cannot write.
         let blind = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), settings.sim, config.steps);
         // The time of decisions depends on how many are made together; one by one is not named, as it once was the only way.
@@ -52,15 +52,14 @@ impl Fingerprints {
     }
 }
 
-fn of_scene(world: &World) -> u64 {
-    let scene = world.scene();
+pub(crate) fn of_scene(scene: &Scene) -> u64 {
     let corners = scene.mesh().iter_corners().flatten().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes);
     let setting = format!("{:?} {:?} {:?}", scene.bounds(), scene.lattice(), scene.starts());
     hash(&corners.chain(setting.into_bytes()).collect::<Vec<u8>>())
 }
 
 /// 64 bits, eight bytes at a time.
-fn hash(bytes: &[u8]) -> u64 {
+pub(crate) fn hash(bytes: &[u8]) -> u64 {
     let word = |chunk: &[u8]| chunk.iter().rev().fold(0_u64, |word, &byte| word << 8 | u64::from(byte));
     let folded = bytes.chunks(8).fold(bytes.len() as u64, |state, chunk| {
         (state ^ word(chunk)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
@@ -129,7 +128,7 @@ fn read(path: &Path) -> io::Result<(Vec<Line<EpisodeRecord>>, bool)> {
 mod tests {
     use super::*;
     use crate::export;
-    use nbp_env::{Scene, SimConfig};
+    use nbp_env::SimConfig;
 
     fn fingerprints(settings: &Settings, weights: &[u8]) -> Fingerprints {
         let world = World::new(Scene::two_rooms(), &SimConfig::default()).unwrap();

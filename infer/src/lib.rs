@@ -1,6 +1,6 @@
 //! Policies at work: from a checkpoint and scenes to episodes, tables and pictures.
 //!
-//! Data flows one way: `checkpoint + source → registry → rollout → eval → table | export | picture | plot`. Nothing here
+//! Data flows one way: `checkpoint + source → registry → rollout → eval | bench → table | export | picture | plot`. Nothing here
 //! trains, and nothing here knows a tensor: networks answer behind [`nbp_env::Predictor`].
 
 pub mod checkpoint;
@@ -10,6 +10,7 @@ pub mod registry;
 pub mod rollout;
 pub mod rounds;
 
+pub mod bench;
 pub mod decisions;
 pub mod eval;
 pub mod journal;

@@ -67,6 +67,15 @@ impl Trial {
         })
     }
 
+    /// Its beginning.
+    ///
+    /// # Errors
+    /// When the scene has no start of this number, or nobody can stand there.
+    pub fn episode(&self, world: &Arc<World>) -> Result<Episode, RolloutError> {
+        let seeds = self.seeds(world.scene().name());
+        Ok(Episode::new(Arc::clone(world), self.pose(world)?, self.steps, seeds)?)
+    }
+
     /// The node that all its random streams hang from. Policies do not enter: which pixels become points depends on the
     /// trial alone, so that policies are compared on equal terms.
     pub fn seeds(&self, scene: &str) -> SeedTree {
@@ -93,6 +102,15 @@ pub struct EpisodeRecord {
     pub final_coverage: f64,
     /// Area under the curve over its steps, 0 to 1.
     pub auc: f64,
+    /// The same curve as the released code counts coverage, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub released_curve: Option<Vec<f32>>,
+    /// Last of that curve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub released_final: Option<f64>,
+    /// Area under it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub released_auc: Option<f64>,
     /// Moves that hit an obstacle.
     pub bumps: usize,
     /// Metres walked.
@@ -122,12 +140,24 @@ pub fn run_episode(
     world: &Arc<World>,
     policy: &mut dyn Policy,
     trial: Trial,
+    on_step: impl FnMut(&Episode, &dyn Policy) -> Result<(), PolicyError>,
+) -> Result<Rollout, RolloutError> {
+    go_on(trial.episode(world)?, policy, trial, on_step)
+}
+
+/// [`run_episode`] in an episode of the trial that has just begun.
+///
+/// # Errors
+/// When the policy or `on_step` fails.
+pub fn go_on(
+    mut episode: Episode,
+    policy: &mut dyn Policy,
+    trial: Trial,
     mut on_step: impl FnMut(&Episode, &dyn Policy) -> Result<(), PolicyError>,
 ) -> Result<Rollout, RolloutError> {
+    let world = Arc::clone(episode.world());
     let scene = world.scene().name();
-    let seeds = trial.seeds(scene);
-    let mut rng = seeds.child(&format!("policy:{}", policy.name()), 0).rng();
-    let mut episode = Episode::new(Arc::clone(world), trial.pose(world)?, trial.steps, seeds)?;
+    let mut rng = trial.seeds(scene).child(&format!("policy:{}", policy.name()), 0).rng();
     let (mut deciding, mut decisions) = (0.0, 0_usize);
     let name = policy.name();
     let failed = |step: usize| {
@@ -159,6 +189,9 @@ pub fn run_episode(
         curve: episode.curve().to_vec(),
         final_coverage: metrics::final_coverage(episode.curve()),
         auc: metrics::auc(episode.curve()),
+        released_curve: episode.released_curve().map(<[f32]>::to_vec),
+        released_final: episode.released_curve().map(metrics::final_coverage),
+        released_auc: episode.released_curve().map(metrics::auc),
         bumps: episode.bumps(),
         path_length: episode.path_length(),
         decision_ms: 1e3 * deciding / decisions.max(1) as f64,
