@@ -11,6 +11,7 @@ pub mod loss;
 pub mod net;
 pub mod optim;
 pub mod predictor;
+pub mod scone;
 pub mod tensorize;
 pub mod weights;
 

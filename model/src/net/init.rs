@@ -36,8 +36,12 @@ impl<'a> Init<'a> {
     /// Uniform in `±1/√fan_in`: what Kaiming's uniform rule with a = √5 comes to for weights, and PyTorch's rule for
     /// biases.
     pub(crate) fn uniform<const D: usize>(&self, name: &str, shape: [usize; D], fan_in: usize) -> Tensor<D> {
+        self.within(name, shape, 1.0 / (fan_in as f32).sqrt())
+    }
+
+    /// Uniform in `±bound`.
+    pub(crate) fn within<const D: usize>(&self, name: &str, shape: [usize; D], bound: f32) -> Tensor<D> {
         let Some(stream) = self.stream else { return Tensor::zeros(shape, self.device) };
-        let bound = 1.0 / (fan_in as f32).sqrt();
         let mut rng = stream.child(name, 0).rng();
         let values: Vec<f32> = (0..shape.iter().product())
             .map(|_| {

@@ -9,8 +9,8 @@ mod decoder;
 mod encoder;
 mod gate;
 #[cfg(test)]
-mod gradients;
-mod init;
+pub(crate) mod gradients;
+pub(crate) mod init;
 mod norm;
 
 pub use block::{ConvBlock, Up};

@@ -6,7 +6,7 @@
 
 mod convolutions;
 mod nan;
-mod parts;
+pub(crate) mod parts;
 
 use burn::prelude::*;
 use burn::tensor::{DType, TensorData};
@@ -14,7 +14,7 @@ use nbp_env::seed::SeedTree;
 use rand::Rng as _;
 
 /// Numbers in `[-1, 1)` of the single-precision grid, the same for a name in every test.
-fn noise(name: &str, count: usize) -> Vec<f64> {
+pub(crate) fn noise(name: &str, count: usize) -> Vec<f64> {
     let mut rng = SeedTree::new(0).child(name, 0).rng();
     (0..count).map(|_| f64::from(rng.next_u32() >> 8) / f64::from(1u32 << 23) - 1.0).collect()
 }
@@ -23,10 +23,10 @@ fn trained() -> Device {
     Device::flex().autodiff()
 }
 
-fn tensor<const D: usize>(numbers: &[f64], shape: [usize; D], dtype: DType) -> Tensor<D> {
+pub(crate) fn tensor<const D: usize>(numbers: &[f64], shape: [usize; D], dtype: DType) -> Tensor<D> {
     Tensor::from_data(TensorData::new(numbers.to_vec(), shape), (&trained(), dtype))
 }
 
-fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
+pub(crate) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
     tensor.without_autodiff().into_data().iter::<f64>().collect()
 }

@@ -44,6 +44,7 @@ impl ModuleMapper for Fill {
         let name = self.path.join(".");
         let usual = |u: f64| match () {
             () if D == 4 => u * (3.0 / fan_in).sqrt(),
+            () if D == 2 => u * (3.0 / shape[0] as f64).sqrt(),
             () if name.ends_with("running_var") => 1.0 + 0.5 * u,
             () if name.ends_with("norm.weight") || name.contains("norm_") && name.ends_with("weight") => 1.0 + 0.3 * u,
             () => 0.2 * u,
@@ -98,15 +99,15 @@ impl ModuleVisitor for Found<'_> {
 }
 
 /// A module with its inputs, and how it answers them.
-struct Part<M, F> {
-    name: &'static str,
-    fresh: fn(&Init<'_>) -> M,
-    inputs: Vec<[usize; 4]>,
-    answer: F,
+pub(crate) struct Part<M, F> {
+    pub(crate) name: &'static str,
+    pub(crate) fresh: fn(&Init<'_>) -> M,
+    pub(crate) inputs: Vec<[usize; 4]>,
+    pub(crate) answer: F,
     /// Which tensors have a gradient.
-    learns: fn(&str) -> bool,
+    pub(crate) learns: fn(&str) -> bool,
     /// Whether to move every tensor alone, too.
-    each: bool,
+    pub(crate) each: bool,
 }
 
 impl<M: Module, F: Fn(&M, &[Tensor<4>]) -> Vec<Tensor<4>>> Part<M, F> {
@@ -168,7 +169,7 @@ impl<M: Module, F: Fn(&M, &[Tensor<4>]) -> Vec<Tensor<4>>> Part<M, F> {
         best
     }
 
-    fn check(&self) {
+    pub(crate) fn check(&self) {
         let exact = self.gradients(DType::F64, 0);
         let along = |at: usize, gradient: &[f64]| -> f64 {
             gradient.iter().zip(direction(at, gradient.len())).map(|(g, d)| g * d).sum()
