@@ -54,16 +54,11 @@ impl SconeConfig {
     pub fn parameters(&self) -> [usize; 2] {
         let linear = |from: usize, to: usize| from * to + to;
         let norm = |e: usize| 2 * e;
-        let layer = |e: usize| {
-            2 * norm(e) + 2 * linear(e, e / 4) + 2 * linear(e, e) + linear(e, 2 * e) + linear(2 * e, e)
-        };
+        let layer =
+            |e: usize| 2 * norm(e) + 2 * linear(e, e / 4) + 2 * linear(e, e) + linear(e, 2 * e) + linear(2 * e, e);
         let w = self.width;
         let pct = |to: usize| {
-            linear(3, w - 3)
-                + linear(w - 3, w - 3)
-                + self.occupancy_layers * layer(w)
-                + norm(w)
-                + linear(w, to / 2)
+            linear(3, w - 3) + linear(w - 3, w - 3) + self.occupancy_layers * layer(w) + norm(w) + linear(w, to / 2)
         };
         let point = linear(3, w) + linear(w, 2 * w) + linear(2 * w, 4 * w);
         let head = linear(14 * w + HARMONICS, 4 * w) + linear(4 * w, 2 * w) + linear(2 * w, 1);

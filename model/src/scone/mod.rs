@@ -4,10 +4,13 @@
 //! Shape suffixes: `b` batch of point sets, `n` points, `e` features, `h` heads, `q` queries, `l` clouds, `k` harmonics.
 
 pub mod attention;
+pub mod batch;
 pub mod config;
+pub mod harmonics;
 pub mod layers;
 pub mod loss;
 pub mod occupancy;
+pub mod predictor;
 #[cfg(test)]
 mod tests;
 pub mod visibility;
@@ -15,6 +18,7 @@ pub mod visibility;
 pub use config::SconeConfig;
 pub use layers::Padding;
 pub use occupancy::{Queries, SconeOcc};
+pub use predictor::SconePredictor;
 pub use visibility::{SconeVis, Views};
 
 use crate::config::ConfigError;

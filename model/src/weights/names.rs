@@ -66,6 +66,11 @@ pub(super) fn released(path: &str) -> Option<String> {
     }
 }
 
+/// [`released`], or the path itself where the tables do not know it, so that it shows up as missing rather than being lost.
+pub(super) fn naming(path: &str) -> String {
+    released(path).unwrap_or_else(|| path.to_owned())
+}
+
 /// Whether what follows a prefix starts a new name.
 fn is_end(rest: &str) -> bool {
     rest.is_empty() || rest.starts_with('.')

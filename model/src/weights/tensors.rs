@@ -1,12 +1,10 @@
-//! All tensors of a network by their released names, out of it and into it.
+//! All tensors of a network by their names in files, out of it and into it.
 
-use super::names;
-use crate::net::Nbp;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 use std::collections::BTreeMap;
 
-/// Released name → numbers (f32 but for what is about to be stored).
+/// Name → numbers (f32 but for what is about to be stored).
 pub(super) type Tensors = BTreeMap<String, TensorData>;
 
 /// How a file's tensors differ from those a network has.
@@ -35,16 +33,19 @@ impl std::fmt::Display for Difference {
     }
 }
 
+/// From the path of a tensor in its module to its name in files.
+pub(super) type Naming = fn(&str) -> String;
+
 /// Reads all tensors of a network that is not on a tape (`net.valid()`).
-pub(super) fn collect(net: &Nbp) -> Tensors {
-    let mut reader = Reader::default();
+pub(super) fn collect(net: &impl Module, naming: Naming) -> Tensors {
+    let mut reader = Reader { path: Path::new(naming), tensors: Tensors::new() };
     net.visit(&mut reader);
     reader.tensors
 }
 
 /// What `tensors` lacks, has too much or has in another shape.
-pub(super) fn compare(net: &Nbp, tensors: &Tensors) -> Difference {
-    let mut shapes = Shapes::default();
+pub(super) fn compare(net: &impl Module, naming: Naming, tensors: &Tensors) -> Difference {
+    let mut shapes = Shapes { path: Path::new(naming), shapes: BTreeMap::new() };
     net.visit(&mut shapes);
     let mut difference = Difference::default();
     for (name, wanted) in &shapes.shapes {
@@ -61,36 +62,39 @@ pub(super) fn compare(net: &Nbp, tensors: &Tensors) -> Difference {
 }
 
 /// Puts tensors, which must have been compared, into a network; it stays on its device and its tape.
-pub(super) fn apply(net: Nbp, tensors: Tensors) -> Nbp {
-    net.map(&mut Writer { path: Path::default(), tensors })
+pub(super) fn apply<M: Module>(net: M, naming: Naming, tensors: Tensors) -> M {
+    net.map(&mut Writer { path: Path::new(naming), tensors })
 }
 
 /// The path of the module that is being walked.
-#[derive(Default)]
-struct Path(Vec<String>);
+struct Path {
+    parts: Vec<String>,
+    naming: Naming,
+}
 
 impl Path {
-    /// The released name of the tensor here. A path that is not in the tables keeps its own name, so that it shows up as
-    /// missing rather than being lost.
+    fn new(naming: Naming) -> Self {
+        Self { parts: Vec::new(), naming }
+    }
+
+    /// The name of the tensor here.
     fn name(&self) -> String {
-        let path = self.0.join(".");
-        names::released(&path).unwrap_or(path)
+        (self.naming)(&self.parts.join("."))
     }
 }
 
 macro_rules! track_path {
     () => {
         fn enter_module(&mut self, name: &str, _container_type: &str) {
-            self.path.0.push(name.to_owned());
+            self.path.parts.push(name.to_owned());
         }
 
         fn exit_module(&mut self, _name: &str, _container_type: &str) {
-            self.path.0.pop();
+            self.path.parts.pop();
         }
     };
 }
 
-#[derive(Default)]
 struct Reader {
     path: Path,
     tensors: Tensors,
@@ -104,7 +108,6 @@ impl ModuleVisitor for Reader {
     }
 }
 
-#[derive(Default)]
 struct Shapes {
     path: Path,
     shapes: BTreeMap<String, Vec<usize>>,

@@ -50,7 +50,7 @@ fn a_training_network_is_saved_with_its_newest_statistics() {
 
 #[test]
 fn files_hold_every_tensor_that_pytorch_expects() {
-    let bytes = file::to_safetensors(&tensors::collect(&net())).unwrap();
+    let bytes = file::to_safetensors(&tensors::collect(&net(), names::naming)).unwrap();
     let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
     // 37 convolutions with 2 tensors, 35 batch norms with 5, log_vars.
     let count = |end: &str| file.names().iter().filter(|name| name.ends_with(end)).count();
@@ -83,7 +83,7 @@ fn damage_is_explained() {
 
     for (from, to, what) in [
         ("\"base\": 4", "\"base\": 8", "Att2_2.W_g.0.bias [2] instead of [4]"),
-        ("\"nbp\"", "\"unet\"", "another architecture (unet)"),
+        ("\"nbp\"", "\"unet\"", "another architecture (unet), not the nbp network"),
         ("\"version\": 1", "\"version\": 9", "version 9"),
         ("\"base\": 4", "\"base\": 5", "even number"),
         ("\"window\"", "\"widow\"", "unknown field `widow`"),
@@ -94,7 +94,7 @@ fn damage_is_explained() {
     }
     fs::write(&json, good_json).unwrap();
 
-    let mut tensors = tensors::collect(&net());
+    let mut tensors = tensors::collect(&net(), names::naming);
     let taken = tensors.remove("Final1.bias").unwrap();
     tensors.insert("Final9.bias".into(), taken);
     fs::write(&weights, file::to_safetensors(&tensors).unwrap()).unwrap();
@@ -145,11 +145,11 @@ fn half_the_bits_are_half_the_file_and_nearly_the_same_answer() {
 #[test]
 fn weights_too_large_for_half_precision_are_refused() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tensors = tensors::collect(&net());
+    let mut tensors = tensors::collect(&net(), names::naming);
     let shape = tensors["Final1.weight"].shape().as_slice().to_vec();
     let large = burn::tensor::TensorData::new(vec![1e5f32; shape.iter().product()], shape);
     tensors.insert("Final1.weight".into(), large);
-    let net = tensors::apply(net(), tensors);
+    let net = tensors::apply(net(), names::naming, tensors);
     let error = save_as(dir.path(), &net, &config(), Precision::F16).unwrap_err().to_string();
     assert!(error.contains("Final1.weight") && error.contains("bf16"), "{error}");
     save_as(dir.path(), &net, &config(), Precision::Bf16).unwrap();
