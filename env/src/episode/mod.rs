@@ -4,13 +4,13 @@ mod walk;
 
 use crate::coverage::{Counting, Coverage};
 use crate::encode::encode;
-use crate::map::{AgentMap, Kept, MapView};
+use crate::map::{AgentMap, Frames, Kept, MapView};
 use crate::motion::{Agent, Motion, Walker};
 use crate::noise::PoseError;
 use crate::pose::{Direction, Heading, LatticePose, Pose};
 use crate::predict::EncoderInput;
 use crate::seed::SeedTree;
-use crate::sensor::Frame;
+use crate::sensor::{Camera, Frame};
 use crate::world::{StartError, World};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -87,6 +87,8 @@ pub struct Episode {
     walker: Option<Walker>,
     /// True camera pose at the start and after each step.
     track: Vec<Pose>,
+    /// Frames taken so far.
+    shots: Vec<Shot>,
     step: usize,
     horizon: usize,
     pixels: SeedTree,
@@ -101,6 +103,23 @@ pub struct Episode {
     released: Option<Vec<f32>>,
     bumps: usize,
     path_length: f32,
+}
+
+/// How a frame was taken: enough to take it again.
+#[derive(Clone, Copy)]
+struct Shot {
+    /// True pose of the camera.
+    pose: Pose,
+    step: u32,
+    /// Number in its step.
+    number: u32,
+}
+
+impl Shot {
+    /// By step and number, so that policies that took different ways still keep the same pixels and meet the same errors.
+    fn stream(&self, tree: SeedTree) -> SeedTree {
+        tree.child("step", u64::from(self.step)).child("capture", u64::from(self.number))
+    }
 }
 
 impl Episode {
@@ -155,6 +174,7 @@ impl Episode {
             pose: start,
             walker,
             track: Vec::new(),
+            shots: Vec::new(),
             step: 0,
             horizon,
             pixels: seed.child("pixels", 0),
@@ -247,7 +267,7 @@ impl Episode {
     /// What a policy may look at.
     pub fn view(&self) -> MapView<'_> {
         let camera = self.believed(&self.camera());
-        MapView::new(&self.map, self.world.scene().lattice(), self.pose, camera, self.step, self.horizon)
+        MapView::new(&self.map, self.world.scene().lattice(), self, self.pose, camera, self.step, self.horizon)
     }
 
     /// The network's input at the current pose.
@@ -318,7 +338,8 @@ impl Episode {
         let curves =
             (self.curve.capacity() + released) * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
         let track = self.track.capacity() * size_of::<Pose>();
-        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves + track
+        let shots = self.shots.capacity() * size_of::<Shot>();
+        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves + track + shots
     }
 
     fn arrive(&mut self) {
@@ -350,18 +371,34 @@ impl Episode {
     }
 
     fn capture(&mut self, pose: &Pose, number: usize) {
-        let world = Arc::clone(&self.world);
-        let camera = world.sensor().camera();
-        world.sensor().capture(world.scene(), pose, &mut self.frame);
-        // By step and capture, so that policies that took different ways still keep the same pixels and meet the same errors.
-        let stream = |tree: SeedTree| tree.child("step", self.step as u64).child("capture", number as u64);
-        let (mut pixels, noise) = (stream(self.pixels).rng(), stream(self.noise));
-        world.config().noise.disturb(&mut self.frame, camera, noise);
-        self.error = world.config().noise.pose_error(noise);
-        let pose = &self.believed(pose);
-        let kept = Kept::draw(camera, pose, &self.frame, world.config().keep, &mut pixels);
+        let (world, mut frame) = (Arc::clone(&self.world), std::mem::take(&mut self.frame));
+        let shot = Shot { pose: *pose, step: self.step as u32, number: number as u32 };
+        self.error = self.take(&shot, &mut frame);
+        let (camera, pose) = (world.sensor().camera(), &self.believed(pose));
+        let mut pixels = shot.stream(self.pixels).rng();
+        let kept = Kept::draw(camera, pose, &frame, world.config().keep, &mut pixels);
         self.coverage.add(world.surface(), &kept.points, self.step as u32);
-        self.map.integrate(camera, pose, &self.frame, &kept);
+        self.map.integrate(camera, pose, &frame, &kept);
+        self.shots.push(shot);
+        self.frame = frame;
+    }
+
+    /// Takes a frame, and says how far the believed pose is off.
+    fn take(&self, shot: &Shot, frame: &mut Frame) -> Option<PoseError> {
+        let (sensor, noise) = (self.world.sensor(), shot.stream(self.noise));
+        sensor.capture(self.world.scene(), &shot.pose, frame);
+        self.world.config().noise.disturb(frame, sensor.camera(), noise);
+        self.world.config().noise.pose_error(noise)
+    }
+}
+
+impl Frames for Episode {
+    fn show(&self, first: usize, to: &mut dyn FnMut(&Camera, &Pose, &Frame)) {
+        let mut frame = Frame::default();
+        for shot in self.shots.iter().skip(first) {
+            let error = self.take(shot, &mut frame);
+            to(self.world.sensor().camera(), &error.map_or(shot.pose, |error| error.of(&shot.pose)), &frame);
+        }
     }
 }
 
@@ -489,6 +526,22 @@ mod tests {
             assert_eq!(told(&mut used), expected);
             assert_eq!(told(&mut Episode::new(Arc::clone(&world), start, 3, seed).unwrap()), expected);
         }
+    }
+
+    #[test]
+    fn frames_that_are_looked_at_again_are_those_that_the_cloud_was_made_of() {
+        let noise = crate::noise::NoiseConfig { depth: 0.01, dropout: 0.02, position: 0.1, ..Default::default() };
+        let config = SimConfig { noise, keep: 1.0, ..SimConfig::default() };
+        let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
+        let mut episode = Episode::new(world, start(1, 2), 3, SeedTree::new(2)).unwrap();
+        for direction in [Direction::PlusX, Direction::MinusX, Direction::MinusX, Direction::MinusX] {
+            episode.step(Action { direction: Some(direction), heading: Heading::new(3) });
+        }
+        let view = episode.view();
+        let mut points = Vec::new();
+        view.look_again(2, &mut |camera, pose, frame| points.extend(frame.points(camera.at(pose))));
+        assert_eq!((view.cloud().frames(), episode.bumps()), (1 + 3 * 4, 0));
+        assert!(view.cloud().of_frames(2).eq(points.iter().copied()) && points.len() > 100_000);
     }
 
     #[test]

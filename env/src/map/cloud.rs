@@ -62,6 +62,21 @@ impl Cloud {
         self.shots.iter().flat_map(Shot::iter)
     }
 
+    /// Number of frames that points were kept of.
+    pub fn frames(&self) -> usize {
+        self.shots.len()
+    }
+
+    /// The points of the frames from number `first` on, metres.
+    pub fn of_frames(&self, first: usize) -> impl Iterator<Item = Vec3> + '_ {
+        self.shots.iter().skip(first).flat_map(Shot::iter)
+    }
+
+    /// The points of frame number `frame`, metres; none if there is no such frame.
+    pub fn of_frame(&self, frame: usize) -> impl Iterator<Item = Vec3> + '_ {
+        self.shots.get(frame).into_iter().flat_map(Shot::iter)
+    }
+
     /// `amount` different points at random, or all if there are fewer, in the order in which they were kept.
     pub fn sample(&self, rng: &mut Rng, amount: usize) -> Vec<Vec3> {
         let mut chosen = rand::seq::index::sample(rng, self.len, amount.min(self.len)).into_vec();
@@ -118,7 +133,8 @@ mod tests {
             expected.extend(pixels.iter().map(point));
         }
         assert!(cloud.iter().eq(expected.iter().copied()));
-        assert_eq!(cloud.len(), 8);
+        assert_eq!((cloud.len(), cloud.frames()), (8, 3));
+        assert!(cloud.of_frames(1).eq(expected[5..].iter().copied()));
         let all = cloud.sample(&mut SeedTree::new(1).rng(), 99);
         assert_eq!(all, expected);
         let some = cloud.sample(&mut SeedTree::new(1).rng(), 3);

@@ -16,6 +16,7 @@ use crate::sensor::{Camera, Frame};
 use crate::window::WindowSize;
 use glam::Vec3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 /// The agent's memory of one episode.
 #[derive(Debug, Clone)]
@@ -89,11 +90,26 @@ fn edge(a: Node, b: Node) -> (Node, Node) {
     if a <= b { (a, b) } else { (b, a) }
 }
 
+/// Frames of an episode, to be looked at again. They are not kept, because most policies never do: each is taken anew, with
+/// the bits that it had.
+pub trait Frames: Sync {
+    /// Shows the frames from number `first` on, one for each in [`Cloud::frames`], with the pose that each is believed to
+    /// be taken from.
+    fn show(&self, first: usize, to: &mut dyn FnMut(&Camera, &Pose, &Frame));
+}
+
+impl fmt::Debug for dyn Frames + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Frames")
+    }
+}
+
 /// What a policy may look at. No field leads to the mesh or the ground-truth surface.
 #[derive(Debug, Clone, Copy)]
 pub struct MapView<'a> {
     map: &'a AgentMap,
     lattice: &'a Lattice,
+    frames: &'a dyn Frames,
     pose: LatticePose,
     camera: Pose,
     step: usize,
@@ -105,17 +121,23 @@ impl<'a> MapView<'a> {
     pub fn new(
         map: &'a AgentMap,
         lattice: &'a Lattice,
+        frames: &'a dyn Frames,
         pose: LatticePose,
         camera: Pose,
         step: usize,
         horizon: usize,
     ) -> Self {
-        Self { map, lattice, pose, camera, step, horizon }
+        Self { map, lattice, frames, pose, camera, step, horizon }
     }
 
     /// Every point kept so far.
     pub fn cloud(&self) -> &'a Cloud {
         &self.map.cloud
+    }
+
+    /// Shows the frames from number `first` on again, see [`Frames::show`]. Takes as long as taking them.
+    pub fn look_again(&self, first: usize, to: &mut dyn FnMut(&Camera, &Pose, &Frame)) {
+        self.frames.show(first, to);
     }
 
     /// sRGB of each point of the cloud; empty when the sensor or the scene has no colours.

@@ -32,18 +32,7 @@ pub struct NbvConfig {
 
 impl Default for NbvConfig {
     fn default() -> Self {
-        Self {
-            proxies: 10_000,
-            carving: 0.25,
-            cell: 6.0,
-            voxel: 0.25,
-            cloud_points: 512,
-            min_points: 64,
-            queries: 64,
-            draws: 64,
-            min_probability: 0.1,
-            full_distance: 8.5,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -57,6 +46,20 @@ pub struct NbvConfigError {
 }
 
 impl NbvConfig {
+    /// For a processor without a graphics card.
+    pub const DEFAULT: Self = Self {
+        proxies: 10_000,
+        carving: 0.25,
+        cell: 6.0,
+        voxel: 0.25,
+        cloud_points: 512,
+        min_points: 64,
+        queries: 64,
+        draws: 64,
+        min_probability: 0.1,
+        full_distance: 8.5,
+    };
+
     /// The sizes of the released code.
     pub const PUBLISHED: Self = Self {
         proxies: 50_000,

@@ -7,9 +7,19 @@
 //! **View frame.** Everything a network is given is turned into the frame of the current camera: `x` to the left, `y` up, `z`
 //! along the optical axis (the world turned about the vertical by minus the camera's azimuth).
 
+pub mod belief;
+pub mod cells;
 pub mod config;
+pub mod field;
+pub mod harmonics;
+pub mod label;
+pub mod neighbours;
 
+pub use belief::Belief;
 pub use config::{NbvConfig, NbvConfigError};
+pub use field::Field;
+pub use harmonics::Harmonics;
+pub use label::{CollectConfig, NbvSample, Teacher, collect_samples};
 
 use crate::predict::PredictError;
 use std::sync::Arc;
@@ -76,5 +86,23 @@ impl<P: NbvPredictor + ?Sized> NbvPredictor for Arc<P> {
 
     fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
         (**self).gains(candidates)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A network's stand-in: half of everything is solid, and a camera sees all that is in its frustum.
+    pub(crate) struct Mass;
+
+    impl NbvPredictor for Mass {
+        fn occupancy(&self, inputs: &[OccupancyInput]) -> Result<Vec<Vec<f32>>, PredictError> {
+            Ok(inputs.iter().map(|input| vec![0.5; input.queries.len()]).collect())
+        }
+
+        fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
+            Ok(candidates.iter().map(|candidate| candidate.mass * candidate.weights.iter().sum::<f32>()).collect())
+        }
     }
 }

@@ -1,0 +1,228 @@
+//! What the agent makes of its frames: which proxies are solid, and what candidate cameras would be asked about.
+
+use super::cells::Cells;
+use super::field::Field;
+use super::harmonics::{Harmonics, to_view};
+use super::{CandidateInput, HARMONICS, NbvConfig, NbvPredictor, OccupancyInput};
+use crate::map::MapView;
+use crate::pose::Pose;
+use crate::predict::PredictError;
+use crate::seed::Rng;
+use crate::sensor::Camera;
+use glam::Vec3;
+use rand::RngExt as _;
+use std::collections::BTreeMap;
+
+/// Probability of a proxy that nothing was asked about.
+const UNKNOWN: f32 = 0.5;
+
+/// The last answer about a proxy, and what it was asked with.
+#[derive(Clone, Copy, Debug)]
+struct Answer {
+    probability: f32,
+    views: u128,
+    /// Points around its cell; none before it was asked.
+    points: u32,
+    /// Step at which it was asked, or else first seen.
+    step: usize,
+}
+
+/// Proxies, cloud and answers of one episode.
+#[derive(Clone, Debug)]
+pub struct Belief {
+    config: NbvConfig,
+    camera: Camera,
+    bounds: [Vec3; 2],
+    proxies: Field,
+    /// Cell of each proxy.
+    homes: Vec<u32>,
+    answers: Vec<Option<Answer>>,
+    cells: Cells,
+    /// Points around each cell.
+    counts: Vec<u32>,
+    frames: usize,
+}
+
+impl Belief {
+    /// Nothing seen yet, in a scene's box.
+    pub fn new(bounds: [Vec3; 2], camera: Camera, config: NbvConfig, rng: &mut Rng) -> Self {
+        let proxies = Field::uniform(bounds, config.proxies, rng);
+        let cells = Cells::new(bounds, config.cell, config.voxel);
+        let homes = proxies.points().iter().map(|&point| cells.cell_of(point) as u32).collect();
+        let (answers, counts) = (vec![None; proxies.points().len()], cells.counts());
+        Self { config, camera, bounds, proxies, homes, answers, cells, counts, frames: 0 }
+    }
+
+    /// The proxies and how they were looked at.
+    pub fn proxies(&self) -> &Field {
+        &self.proxies
+    }
+
+    /// The cloud in cells.
+    pub fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Takes in the frames since it was last asked.
+    pub fn observe(&mut self, view: &MapView<'_>) {
+        let (proxies, carving) = (&mut self.proxies, self.config.carving);
+        view.look_again(self.frames, &mut |camera, pose, frame| proxies.observe(camera, pose, frame, carving));
+        self.cells.add(view.cloud().of_frames(self.frames));
+        self.frames = view.cloud().frames();
+        self.counts = self.cells.counts();
+    }
+
+    /// Whether the cloud around a place is dense enough to ask about it.
+    pub fn is_known(&self, point: Vec3) -> bool {
+        self.is_known_cell(self.cells.cell_of(point))
+    }
+
+    fn is_known_cell(&self, cell: usize) -> bool {
+        self.counts[cell] as usize > self.config.min_points
+    }
+
+    /// Probability that a proxy is solid: unknown before it is in view, none once it was seen through or where hardly
+    /// anything is known of the surface, else as answered.
+    pub fn probability(&self, proxy: usize) -> f32 {
+        let sight = &self.proxies.sights()[proxy];
+        match self.answers[proxy] {
+            _ if !sight.is_in_field() => UNKNOWN,
+            _ if !sight.is_solid() || !self.is_known_cell(self.homes[proxy] as usize) => 0.0,
+            answer => answer.map_or(UNKNOWN, |answer| answer.probability),
+        }
+    }
+
+    /// Asks about the proxies that may have changed: their cloud grew, or they were looked at from elsewhere. The nearest
+    /// and longest unasked ones first, as many as the settings allow.
+    ///
+    /// # Errors
+    /// When the network fails or does not answer every question with a number.
+    pub fn ask(
+        &mut self,
+        predictor: &dyn NbvPredictor,
+        eye: &Pose,
+        step: usize,
+        rng: &mut Rng,
+    ) -> Result<(), PredictError> {
+        let mut open: Vec<(f32, u32)> = Vec::new();
+        for (proxy, (&point, sight)) in self.proxies.points().iter().zip(self.proxies.sights()).enumerate() {
+            let cell = self.homes[proxy] as usize;
+            if !sight.is_in_field() || !sight.is_solid() || !self.is_known_cell(cell) {
+                continue;
+            }
+            let first = Answer { probability: UNKNOWN, views: 0, points: 0, step };
+            let last = self.answers[proxy].get_or_insert(first);
+            if last.points != self.counts[cell] || last.views != sight.views {
+                open.push((point.distance(eye.position) / (step - last.step + 1) as f32, proxy as u32));
+            }
+        }
+        open.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        open.truncate(self.config.queries);
+        let asked: Vec<u32> = open.into_iter().map(|(_, proxy)| proxy).collect();
+        let (inputs, places): (Vec<_>, Vec<_>) = self.questions(&self.proxies, &asked, eye, rng).into_iter().unzip();
+        let answers = predictor.occupancy(&inputs)?;
+        if answers.len() != inputs.len() || answers.iter().zip(&places).any(|(a, p)| a.len() != p.len()) {
+            return Err(PredictError::Backend("not every proxy was answered".into()));
+        }
+        for (&proxy, &probability) in places.iter().flatten().zip(answers.iter().flatten()) {
+            if !probability.is_finite() {
+                return Err(PredictError::NonFinite("occupancy"));
+            }
+            let proxy = proxy as usize;
+            let (views, points) = (self.proxies.sights()[proxy].views, self.counts[self.homes[proxy] as usize]);
+            self.answers[proxy] = Some(Answer { probability: probability.clamp(0.0, 1.0), views, points, step });
+        }
+        Ok(())
+    }
+
+    /// Answers every proxy by other means than a network.
+    pub fn answer(&mut self, probability: impl Fn(usize) -> f32) {
+        for (proxy, answer) in self.answers.iter_mut().enumerate() {
+            *answer = Some(Answer { probability: probability(proxy), views: 0, points: 0, step: 0 });
+        }
+    }
+
+    /// The network's input for some points of a field, cell by cell, and which points each input asks about. Around every
+    /// point the cloud must be dense enough, see [`Belief::is_known`].
+    pub fn questions(
+        &self,
+        field: &Field,
+        asked: &[u32],
+        eye: &Pose,
+        rng: &mut Rng,
+    ) -> Vec<(OccupancyInput, Vec<u32>)> {
+        let mut by_cell: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for &point in asked {
+            by_cell.entry(self.cells.cell_of(field.points()[point as usize])).or_default().push(point);
+        }
+        let harmonics = Harmonics::facing(eye.azimuth);
+        let scale = 1.0 / (3.0 * self.cells.diagonal());
+        let questions = by_cell.into_iter().map(|(cell, points)| {
+            let middle = self.cells.middle(cell);
+            let place = |point: Vec3| scale * to_view(point - middle, eye.azimuth);
+            let cloud = self.cells.draw(cell, self.config.cloud_points, place, rng);
+            let places: Vec<Vec3> = points.iter().map(|&point| place(field.points()[point as usize])).collect();
+            let input = OccupancyInput {
+                cloud: cloud.points(self.config.cloud_points),
+                offsets: places.iter().map(|&query| cloud.offsets(query)).collect(),
+                queries: places.iter().map(Vec3::to_array).collect(),
+                harmonics: points.iter().map(|&point| harmonics.of(field.sights()[point as usize].views)).collect(),
+            };
+            (input, points)
+        });
+        questions.collect()
+    }
+
+    /// What the network is asked about each candidate camera, seen from `eye`.
+    pub fn candidates(&self, eye: &Pose, cameras: &[Pose], rng: &mut Rng) -> Vec<CandidateInput> {
+        let all = (0..self.homes.len()).map(|proxy| (proxy, self.probability(proxy)));
+        let likely: Vec<(usize, f32)> =
+            all.filter(|&(_, probability)| probability > self.config.min_probability).collect();
+        let harmonics = Harmonics::facing(eye.azimuth);
+        cameras.iter().map(|camera| self.candidate(eye, camera, &likely, &harmonics, rng)).collect()
+    }
+
+    fn candidate(
+        &self,
+        eye: &Pose,
+        camera: &Pose,
+        likely: &[(usize, f32)],
+        harmonics: &Harmonics,
+        rng: &mut Rng,
+    ) -> CandidateInput {
+        let points = self.proxies.points();
+        let is_in_view = |&&(proxy, _): &&(usize, f32)| self.camera.project(camera, points[proxy]).is_some();
+        let mut mass = 0.0;
+        let inside = likely.iter().filter(is_in_view).map(|&(proxy, probability)| {
+            mass += probability;
+            (proxy, probability, mass)
+        });
+        let inside: Vec<(usize, f32, f32)> = inside.collect();
+        let Some(last) = inside.len().checked_sub(1) else { return CandidateInput::default() };
+        let mut shares: BTreeMap<usize, u32> = BTreeMap::new();
+        for _ in 0..self.config.draws {
+            let at = mass * rng.random::<f32>();
+            *shares.entry(inside.partition_point(|&(.., sum)| sum <= at).min(last)).or_default() += 1;
+        }
+        let drawn: Vec<(usize, f32, u32)> =
+            shares.into_iter().map(|(at, share)| (inside[at].0, inside[at].1, share)).collect();
+        let seen = drawn.iter().map(|&(proxy, ..)| to_view(points[proxy] - eye.position, eye.azimuth));
+        let seen: Vec<Vec3> = seen.collect();
+        let [low, high] = seen.iter().fold([seen[0]; 2], |[low, high], &point| [low.min(point), high.max(point)]);
+        let scale = 1.0 / (self.bounds[1] - self.bounds[0]).length();
+        let mut input = CandidateInput { mass, ..CandidateInput::default() };
+        for (point, (proxy, probability, share)) in seen.into_iter().zip(drawn) {
+            let [x, y, z] = (scale * (point - 0.5 * (low + high))).to_array();
+            let away = camera.position - points[proxy];
+            let distance = away.length();
+            let worth = (self.config.full_distance / distance).min(1.0).powi(2);
+            let sight = &self.proxies.sights()[proxy];
+            let of_views = || harmonics.of(sight.views);
+            input.points.push([x, y, z, probability]);
+            input.harmonics.push(if sight.is_in_field() { of_views() } else { [0.0; HARMONICS] });
+            input.directions.push(to_view(away / distance, eye.azimuth).to_array());
+            input.weights.push(share as f32 / self.config.draws as f32 * worth);
+        }
+        input
+    }
+}
