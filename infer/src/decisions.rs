@@ -60,7 +60,7 @@ fn one(
     predictors: [&Arc<dyn Predictor>; 2],
     trial: Trial,
 ) -> Result<Agreement, RolloutError> {
-    let context = PolicyContext { predictor: Some(Arc::clone(predictors[0])), nbp: config };
+    let context = PolicyContext { predictor: Some(Arc::clone(predictors[0])), nbp: config, ..PolicyContext::default() };
     let mut policy: Box<dyn Policy> =
         registry::build(PolicyKind::Nbp, &context, world).unwrap_or_else(|_| unreachable!("the context has a network"));
     let mut agreement = Agreement::default();

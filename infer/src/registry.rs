@@ -1,9 +1,10 @@
 //! Every policy by its name: a new one is a file in `env/src/policy`, a variant and an arm here.
 
+use nbp_env::policy::fbe::{self, Fbe};
 use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
 use nbp_env::policy::oracle::OracleObstacles;
-use nbp_env::policy::search::{OracleSearch, SearchConfig};
-use nbp_env::policy::{Plan, PolicyError, fbe::Fbe, random::Random};
+use nbp_env::policy::search::{OracleSearch, SearchConfig, SearchConfigError};
+use nbp_env::policy::{Plan, PolicyError, random::Random, random_nbv::RandomNbv};
 use nbp_env::{Action, MapView, Motion, Policy, Predictor, Rng, World};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -16,8 +17,14 @@ use std::sync::Arc;
 pub enum PolicyKind {
     /// A uniformly drawn move and heading.
     Random,
+    /// A uniformly drawn move with a turn of at most 135°.
+    RandomNbv,
     /// The nearest frontier.
     Fbe,
+    /// The frontier with the most cells for its way.
+    FbeGain,
+    /// A tour of all frontiers.
+    FbeTsp,
     /// The network's value and obstacle maps.
     Nbp,
     /// The network's value map on the true obstacle map (paper, Table 4).
@@ -35,6 +42,8 @@ pub struct PolicyContext {
     pub predictor: Option<Arc<dyn Predictor>>,
     /// How value and obstacle maps become paths.
     pub nbp: NbpConfig,
+    /// How far `oracle-beam` looks ahead.
+    pub search: SearchConfig,
 }
 
 /// A policy that cannot be had.
@@ -49,18 +58,33 @@ pub enum RegistryError {
     /// It asks a network, and there is none.
     #[error("policy {0} needs a network: give a checkpoint (--checkpoint DIR)")]
     NeedsNetwork(PolicyKind),
+    /// It cannot search so.
+    #[error(transparent)]
+    Search(#[from] SearchConfigError),
 }
 
 impl PolicyKind {
     /// All policies, baselines first.
-    pub const ALL: [Self; 6] =
-        [Self::Random, Self::Fbe, Self::Nbp, Self::OracleObstacles, Self::OracleGreedy, Self::OracleBeam];
+    pub const ALL: [Self; 9] = [
+        Self::Random,
+        Self::RandomNbv,
+        Self::Fbe,
+        Self::FbeGain,
+        Self::FbeTsp,
+        Self::Nbp,
+        Self::OracleObstacles,
+        Self::OracleGreedy,
+        Self::OracleBeam,
+    ];
 
     /// Name on the command line and in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Random => "random",
+            Self::RandomNbv => "random-nbv",
             Self::Fbe => "fbe",
+            Self::FbeGain => "fbe-gain",
+            Self::FbeTsp => "fbe-tsp",
             Self::Nbp => "nbp",
             Self::OracleObstacles => "oracle-obstacles",
             Self::OracleGreedy => "oracle-greedy",
@@ -97,7 +121,7 @@ impl fmt::Display for PolicyKind {
 /// A policy ready for episodes in `world`. It answers to the name of its kind.
 ///
 /// # Errors
-/// When it needs a network and the context has none.
+/// When it needs a network and the context has none, or a setting is out of range.
 pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> Result<Box<dyn Policy>, RegistryError> {
     let network = || context.predictor.clone().ok_or(RegistryError::NeedsNetwork(kind));
     let nbp = |predictor: Arc<dyn Predictor>| {
@@ -105,10 +129,16 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
     };
     Ok(match kind {
         PolicyKind::Random => Box::new(Random),
-        PolicyKind::Fbe => Box::new(Fbe::default()),
+        PolicyKind::RandomNbv => Box::new(RandomNbv),
+        PolicyKind::Fbe => Box::new(Fbe::new(fbe::Rule::Nearest)),
+        PolicyKind::FbeGain => Box::new(Fbe::new(fbe::Rule::Gain)),
+        PolicyKind::FbeTsp => Box::new(Fbe::new(fbe::Rule::Tsp)),
         PolicyKind::Nbp => Box::new(nbp(network()?)),
-        PolicyKind::OracleGreedy => Box::new(OracleSearch::new(Arc::clone(world), SearchConfig::GREEDY)),
-        PolicyKind::OracleBeam => Box::new(OracleSearch::new(Arc::clone(world), SearchConfig::BEAM)),
+        PolicyKind::OracleGreedy => Box::new(OracleSearch::greedy(Arc::clone(world))),
+        PolicyKind::OracleBeam => {
+            context.search.validate()?;
+            Box::new(OracleSearch::beam(Arc::clone(world), context.search))
+        }
         PolicyKind::OracleObstacles => {
             let oracle = OracleObstacles::new(network()?, Arc::clone(world));
             Box::new(Named { kind, inner: nbp(Arc::new(oracle)) })
@@ -179,7 +209,12 @@ pub(crate) mod tests {
             let blind = build(kind, &PolicyContext::default(), &world);
             assert_eq!(blind.is_err(), kind.needs_network());
         }
+        let search = SearchConfig { width: 0, ..SearchConfig::default() };
+        let blind = PolicyContext { search, ..PolicyContext::default() };
+        let error = build(PolicyKind::OracleBeam, &blind, &world).err().unwrap().to_string();
+        assert!(error.contains("search.width is 0: it must be 1 to"), "{error}");
+        assert!(build(PolicyKind::OracleGreedy, &blind, &world).is_ok());
         let error = "greedy".parse::<PolicyKind>().unwrap_err().to_string();
-        assert!(error.contains("random, fbe, nbp, oracle-obstacles"), "{error}");
+        assert!(error.contains("random, random-nbv, fbe, fbe-gain, fbe-tsp, nbp, oracle-obstacles"), "{error}");
     }
 }

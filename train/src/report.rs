@@ -80,7 +80,8 @@ pub fn log_sample(
 pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
     let worlds = scenes::load(&config.scenes.held_out, &config.sim, "held-out scenes", log.bars)?;
     let best = infer_checkpoint::load(&checkpoint::best(run), config.device)?;
-    let context = PolicyContext { predictor: Some(Arc::new(best.predictor)), nbp: config.policy };
+    let context =
+        PolicyContext { predictor: Some(Arc::new(best.predictor)), nbp: config.policy, ..PolicyContext::default() };
     let compared = EvalConfig {
         policies: config.eval.policies.clone(),
         steps: config.eval.steps,

@@ -4,6 +4,7 @@ pub mod fbe;
 pub mod nbp;
 pub mod oracle;
 pub mod random;
+pub mod random_nbv;
 pub mod scone;
 pub mod search;
 

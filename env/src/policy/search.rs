@@ -11,12 +11,14 @@ use crate::pose::{Heading, LatticePose};
 use crate::seed::Rng;
 use crate::visibility::PointSet;
 use crate::world::World;
+use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How far and how broadly to search.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct SearchConfig {
     /// Ways kept at each depth.
     pub width: usize,
@@ -24,15 +26,43 @@ pub struct SearchConfig {
     pub depth: usize,
 }
 
+impl Default for SearchConfig {
+    fn default() -> Self {
+        Self { width: 10, depth: 10 }
+    }
+}
+
+/// A setting that no search can work with.
+#[derive(Debug, thiserror::Error)]
+#[error("search.{field} is {value}: it must be 1 to {most}")]
+pub struct SearchConfigError {
+    field: &'static str,
+    value: usize,
+    most: usize,
+}
+
 impl SearchConfig {
     /// The best next step.
     pub const GREEDY: Self = Self { width: 1, depth: 1 };
-    /// Ten ways of ten steps.
-    pub const BEAM: Self = Self { width: 10, depth: 10 };
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// Naming the first setting that is out of range.
+    pub fn validate(&self) -> Result<(), SearchConfigError> {
+        // A way holds a bit for each point: more ways would take gigabytes, more steps hours.
+        for (field, value, most) in [("width", self.width, 1000), ("depth", self.depth, 1000)] {
+            if !(1..=most).contains(&value) {
+                return Err(SearchConfigError { field, value, most });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Searches the true map.
 pub struct OracleSearch {
+    name: &'static str,
     world: Arc<World>,
     config: SearchConfig,
     covered: PointSet,
@@ -50,9 +80,18 @@ struct Way {
 }
 
 impl OracleSearch {
-    /// A policy for one world, of which it knows everything.
-    pub fn new(world: Arc<World>, config: SearchConfig) -> Self {
-        Self { covered: world.visibility().nothing(), world, config, plan: None }
+    /// `oracle-greedy`: the best next step in one world, of which it knows everything.
+    pub fn greedy(world: Arc<World>) -> Self {
+        Self::new("oracle-greedy", world, SearchConfig::GREEDY)
+    }
+
+    /// `oracle-beam`: the same, as far ahead as `config` says.
+    pub fn beam(world: Arc<World>, config: SearchConfig) -> Self {
+        Self::new("oracle-beam", world, config)
+    }
+
+    fn new(name: &'static str, world: Arc<World>, config: SearchConfig) -> Self {
+        Self { name, covered: world.visibility().nothing(), world, config, plan: None }
     }
 
     /// The best way of at most `depth` steps; `None` where no step adds anything.
@@ -114,7 +153,7 @@ impl OracleSearch {
 
 impl Policy for OracleSearch {
     fn name(&self) -> &'static str {
-        if self.config == SearchConfig::GREEDY { "oracle-greedy" } else { "oracle-beam" }
+        self.name
     }
 
     fn begin(&mut self) {
@@ -155,8 +194,9 @@ mod tests {
         let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
         let area = |episode: &Episode| episode.curve().iter().sum::<f32>();
         let fbe = explore(&world, &mut Fbe::default(), start, 20);
-        let [greedy, beam] = [SearchConfig::GREEDY, SearchConfig::BEAM]
-            .map(|config| explore(&world, &mut OracleSearch::new(Arc::clone(&world), config), start, 20));
+        let mut oracles =
+            [OracleSearch::greedy(Arc::clone(&world)), OracleSearch::beam(Arc::clone(&world), SearchConfig::default())];
+        let [greedy, beam] = oracles.each_mut().map(|oracle| explore(&world, oracle, start, 20));
         assert!(area(&beam) > area(&fbe) && area(&beam) > area(&greedy));
         assert!(greedy.curve()[20] > fbe.curve()[20]);
         assert!(beam.curve()[20] > 0.95, "{:?}", beam.curve());

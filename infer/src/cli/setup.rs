@@ -94,7 +94,7 @@ impl Args {
         if let Some(trained) = &trained {
             checkpoint::check(trained, &settings.sim)?;
         }
-        let mut context = PolicyContext { predictor: None, nbp: settings.policy };
+        let mut context = PolicyContext { nbp: settings.policy, ..PolicyContext::default() };
         if let (Some(path), true) = (&self.checkpoint, needy.is_some()) {
             let loaded = checkpoint::load(path, device).context("cannot use the checkpoint")?;
             let (net, window) = (loaded.config.net, loaded.config.window);

@@ -1,0 +1,197 @@
+//! `fbe`, `fbe-gain`, `fbe-tsp`: frontier-based exploration (Yamauchi 1997), by the nearest frontier, by the largest for its
+//! way, or by a tour of all.
+
+mod clusters;
+mod look;
+mod tour;
+
+use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
+use crate::episode::Action;
+use crate::map::{Cell, MapView};
+use crate::path::ShortestPaths;
+use crate::pose::{Heading, LatticePose, Node};
+use crate::seed::Rng;
+use clusters::{CellIndex, clusters};
+use look::{Look, best_look, nearest_unseen, nodes_near};
+use std::cmp::Reverse;
+
+/// Which frontier is next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rule {
+    /// The nearest.
+    #[default]
+    Nearest,
+    /// The most cells for each step of the way.
+    Gain,
+    /// The first on a tour of all, see [`tour`].
+    Tsp,
+}
+
+/// Goes to clusters of unknown cells that border free ones.
+#[derive(Debug, Default)]
+pub struct Fbe {
+    rule: Rule,
+    plan: Option<Plan>,
+    next: usize,
+    /// Cells that the plan is made for; once all are known there is nothing to go for.
+    target: Vec<CellIndex>,
+}
+
+impl Fbe {
+    /// A policy that chooses frontiers by a rule.
+    pub fn new(rule: Rule) -> Self {
+        Self { rule, ..Self::default() }
+    }
+
+    fn follow(&self, view: &MapView<'_>) -> Option<LatticePose> {
+        let plan = self.plan.as_ref()?;
+        let arrived = self.next == 0 || plan.path.get(self.next - 1) == Some(&view.pose());
+        let target = *plan.path.get(self.next)?;
+        let here = view.pose().node;
+        let is_worth_it = self.target.iter().any(|&cell| view.occupancy().get(cell) == Cell::Unknown);
+        (arrived && is_worth_it && (target.node == here || observed_price(view, here, target.node).is_some()))
+            .then_some(target)
+    }
+
+    fn make_plan(&mut self, view: &MapView<'_>) {
+        let here = view.pose().node;
+        let paths = ShortestPaths::from(here, |a, b| observed_price(view, a, b));
+        let goal = match self.rule {
+            Rule::Nearest => nearest(view, &paths),
+            Rule::Gain => largest_for_its_way(looks(view, &paths)),
+            Rule::Tsp => tour::first(view, looks(view, &paths)),
+        };
+        let (path, target) = match goal.or_else(|| nearest_unseen(view, &paths)) {
+            None => (Vec::new(), Vec::new()),
+            Some(Look { pose, cells, .. }) => {
+                (poses_along(here, &paths.path_to(pose.node).unwrap_or_default(), pose), cells)
+            }
+        };
+        self.plan = Some(Plan { made_at: view.step(), path, thought: None });
+        self.target = target;
+        self.next = 0;
+    }
+}
+
+impl Policy for Fbe {
+    fn name(&self) -> &'static str {
+        match self.rule {
+            Rule::Nearest => "fbe",
+            Rule::Gain => "fbe-gain",
+            Rule::Tsp => "fbe-tsp",
+        }
+    }
+
+    fn begin(&mut self) {
+        *self = Self::new(self.rule);
+    }
+
+    fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
+        if self.follow(view).is_none() {
+            self.make_plan(view);
+        }
+        Ok(match self.follow(view) {
+            Some(target) => {
+                self.next += 1;
+                action_towards(view.pose().node, target)
+            }
+            None => turn_on_the_spot(view, rng),
+        })
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        self.plan.as_ref()
+    }
+}
+
+/// Poses of a path: looking where one walks, and as the goal says at its end.
+fn poses_along(from: Node, nodes: &[Node], goal: LatticePose) -> Vec<LatticePose> {
+    let before = std::iter::once(from).chain(nodes.iter().copied());
+    let mut poses: Vec<LatticePose> = before
+        .zip(nodes)
+        .map(|(a, &b)| LatticePose { node: b, heading: Heading::towards((b.i - a.i) as f32, (b.k - a.k) as f32) })
+        .collect();
+    match poses.last_mut() {
+        Some(last) => *last = goal,
+        None => poses.push(goal),
+    }
+    poses
+}
+
+/// The nearest cluster; of equally near ones the largest.
+fn nearest(view: &MapView<'_>, paths: &ShortestPaths) -> Option<Look> {
+    let mut best: Option<Look> = None;
+    for cluster in clusters(view) {
+        let size = Reverse(cluster.len());
+        for (distance, node) in nodes_near(view, paths, &cluster) {
+            if best.as_ref().is_some_and(|look| (look.distance, Reverse(look.cells.len())) <= (distance, size)) {
+                break;
+            }
+            if let Some(pose) = best_look(view, node, &cluster) {
+                best = Some(Look { distance, pose, cells: cluster });
+                break;
+            }
+        }
+    }
+    best
+}
+
+/// The nearest look at each cluster that can be looked at.
+fn looks(view: &MapView<'_>, paths: &ShortestPaths) -> Vec<Look> {
+    let nearest = |cells: Vec<CellIndex>| {
+        let mut nodes = nodes_near(view, paths, &cells).into_iter();
+        let (distance, pose) =
+            nodes.find_map(|(distance, node)| best_look(view, node, &cells).map(|pose| (distance, pose)))?;
+        Some(Look { distance, pose, cells })
+    };
+    clusters(view).into_iter().filter_map(nearest).collect()
+}
+
+/// The cluster with the most cells for each step; of equals the first.
+fn largest_for_its_way(looks: Vec<Look>) -> Option<Look> {
+    // A turn on the spot is a step as well.
+    let rate = |look: &Look| look.cells.len() as f32 / look.distance.max(1.0);
+    looks.into_iter().reduce(|best, look| if rate(&look) > rate(&best) { look } else { best })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::check_policy;
+    use crate::config::SimConfig;
+    use crate::policy::random::Random;
+    use crate::policy::tests::explore;
+    use crate::scene::Scene;
+    use crate::world::World;
+    use std::sync::Arc;
+
+    #[test]
+    fn it_finds_the_second_room_and_beats_chance() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
+        let random = explore(&world, &mut Random, start, 30);
+        for rule in [Rule::Nearest, Rule::Gain, Rule::Tsp] {
+            let mut policy = Fbe::new(rule);
+            let fbe = explore(&world, &mut policy, start, 30);
+            assert!(fbe.view().history().iter().any(|pose| pose.node.i >= 5), "{:?}", fbe.view().history());
+            assert!(fbe.curve()[30] > 0.9, "{rule:?} {:?}", fbe.curve());
+            assert!(fbe.curve().iter().sum::<f32>() > random.curve().iter().sum::<f32>());
+            assert_eq!(check_policy(&mut policy, &world), []);
+        }
+    }
+
+    #[test]
+    fn gain_takes_the_long_way_to_much_and_the_short_one_to_little() {
+        let look = |distance, cells| Look {
+            distance,
+            pose: LatticePose { node: Node { i: cells as i32, k: 0 }, heading: Heading::new(0) },
+            cells: vec![[0, 0]; cells],
+        };
+        let chosen = |looks: Vec<Look>| largest_for_its_way(looks).map(|look| look.cells.len());
+        assert_eq!(chosen(vec![look(1.0, 5), look(3.0, 16)]), Some(16));
+        assert_eq!(chosen(vec![look(1.0, 6), look(3.0, 16)]), Some(6));
+        // A turn on the spot is no free step.
+        assert_eq!(chosen(vec![look(0.0, 5), look(1.0, 6)]), Some(6));
+        assert_eq!(chosen(Vec::new()), None);
+    }
+}
