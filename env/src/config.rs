@@ -90,7 +90,7 @@ impl SimConfig {
         let encode = &self.encode;
         let pixels = encode.window.pixels;
         let is_positive = |v: f32| v.is_finite() && v > 0.0;
-        let checks: [(bool, &'static str, String, &'static str); 7] = [
+        let checks: [(bool, &'static str, String, &'static str); 8] = [
             (
                 pixels >= 16 && pixels.is_multiple_of(16) && pixels <= 4096,
                 "encode.window.pixels",
@@ -101,6 +101,12 @@ impl SimConfig {
                 (0.01..=10.0).contains(&encode.window.pixel()),
                 "encode.window.metres",
                 encode.window.metres.to_string(),
+                "from 1 cm to 10 m for each of encode.window.pixels",
+            ),
+            (
+                (0.01..=10.0).contains(&encode.input().pixel()),
+                "encode.input_metres",
+                encode.input().metres.to_string(),
                 "from 1 cm to 10 m for each of encode.window.pixels",
             ),
             (

@@ -11,6 +11,10 @@ use serde::{Deserialize, Serialize};
 pub struct EncodeConfig {
     /// Size and range (paper: 256 pixels, 40 m).
     pub window: WindowSize,
+    /// Side of the square that the input shows, metres, on as many pixels; that of the window if left out. The answers keep
+    /// the window's range (paper, appendix, crop size).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input_metres: Option<f32>,
     /// Horizontal layers of the density.
     pub layers: Layers,
     /// Which positions the trajectory image counts.
@@ -33,15 +37,21 @@ impl EncodeConfig {
     pub fn channels(&self) -> usize {
         self.layers.count + 1
     }
+
+    /// Size and range of the input.
+    pub fn input(&self) -> WindowSize {
+        WindowSize { metres: self.input_metres.unwrap_or(self.window.metres), ..self.window }
+    }
 }
 
 /// Captures for each step in the released code's trajectory image.
 const CAPTURES_PER_STEP: u32 = 4;
 
-/// The input around the agent.
+/// The input around the agent. Its `window` is that of the answers.
 pub fn encode(view: &MapView<'_>, trajectory: Trajectory) -> EncoderInput {
     let density = view.density();
     let window = density.window_size().around(view.position());
+    let answers = view.window_size().around(view.position());
     let side = window.size.pixels;
     let layers = density.layer_count();
     let mut counts = vec![0_u16; (layers + 1) * side * side];
@@ -67,5 +77,5 @@ pub fn encode(view: &MapView<'_>, trajectory: Trajectory) -> EncoderInput {
             }
         }
     }
-    EncoderInput { window, channels: layers + 1, counts }
+    EncoderInput { window: answers, channels: layers + 1, counts }
 }

@@ -2,6 +2,7 @@
 
 use crate::pose::{Heading, Lattice, LatticePose};
 use crate::predict::EncoderInput;
+use serde::{Deserialize, Serialize};
 
 /// True gain of walking from the sample's pose to a pose of its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,15 +43,44 @@ pub struct Sample {
     pub obstacles: Vec<u8>,
 }
 
-/// Labels of waypoint `i` of a path: `100 · (covered_j − covered_i) / surface` at pose `j`, for every `j > i` that its
-/// window shows, the goal included.
-pub fn value_labels(path: &[Waypoint], i: usize, lattice: &Lattice, surface: usize) -> Vec<ValueLabel> {
-    let Some(from) = path.get(i) else { return Vec::new() };
-    path[i + 1..]
-        .iter()
-        .filter_map(|to| {
+/// Which pairs of poses on a path become labels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LabelKind {
+    /// All that follow, the goal included (paper, section 4.3: `0 ≤ i < j ≤ m`).
+    #[default]
+    SubPaths,
+    /// The goal alone: no augmentation by sub-paths.
+    Goals,
+    /// All that follow but the goal, by what was covered before their frames (released code).
+    AsReleased,
+}
+
+/// Labels of waypoint `i` of a path: `100 · (covered_j − covered_i) / surface` at pose `j`, for every `j > i` of `kind` that
+/// its window shows.
+pub fn value_labels(
+    path: &[Waypoint],
+    i: usize,
+    kind: LabelKind,
+    lattice: &Lattice,
+    surface: usize,
+) -> Vec<ValueLabel> {
+    let goal = path.len().saturating_sub(1);
+    let is_label = |j: usize| match kind {
+        LabelKind::SubPaths => true,
+        LabelKind::Goals => j == goal,
+        LabelKind::AsReleased => j < goal,
+    };
+    let covered = |j: usize| match kind {
+        LabelKind::AsReleased => path[j.saturating_sub(1)].covered,
+        _ => path[j].covered,
+    };
+    (i + 1..path.len())
+        .filter(|&j| is_label(j))
+        .filter_map(|j| {
+            let (from, to) = (&path[i], &path[j]);
             let (row, col) = from.input.window.value_cell(lattice.position(to.pose.node))?;
-            let gain = 100.0 * to.covered.saturating_sub(from.covered) as f32 / surface.max(1) as f32;
+            let gain = 100.0 * covered(j).saturating_sub(covered(i)) as f32 / surface.max(1) as f32;
             Some(ValueLabel { heading: to.pose.heading, row, col, gain })
         })
         .collect()
@@ -75,11 +105,17 @@ mod tests {
                 Waypoint { pose, input, step: n as usize, covered: 10 * (n * n) as usize }
             })
             .collect();
-        let labels: Vec<_> = (0..4).map(|i| value_labels(&path, i, &lattice, 1000)).collect();
+        let labels: Vec<_> = (0..4).map(|i| value_labels(&path, i, LabelKind::SubPaths, &lattice, 1000)).collect();
         assert_eq!(labels.iter().map(Vec::len).collect::<Vec<_>>(), [3, 2, 1, 0]);
         let goal = labels[0][2];
         assert_eq!((goal.heading.index(), goal.gain), (3, 9.0));
         assert_eq!((goal.row, goal.col), (6, 8), "4.5 m up is 1.8 of 2.5 m cells");
         assert_eq!(labels[2][0].gain, 5.0);
+
+        let of = |kind, i| value_labels(&path, i, kind, &lattice, 1000);
+        assert_eq!(of(LabelKind::Goals, 0), [goal]);
+        let released = of(LabelKind::AsReleased, 0);
+        assert_eq!(released.iter().map(|label| label.gain).collect::<Vec<_>>(), [0.0, 1.0], "one frame behind");
+        assert!(of(LabelKind::AsReleased, 2).is_empty() && of(LabelKind::Goals, 3).is_empty());
     }
 }

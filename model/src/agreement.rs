@@ -1,6 +1,6 @@
 //! Every compiled back end gives the same answers and makes the same training step as `flex`.
 
-use crate::{AdamW, Batch, DeviceChoice, InputScale, Nbp, NetConfig, SampleRef, loss};
+use crate::{AdamW, Batch, DeviceChoice, InputScale, Nbp, NetConfig, SampleRef, Tasks, loss};
 use burn::optim::GradientsParams;
 use burn::prelude::*;
 use nbp_env::label::ValueLabel;
@@ -36,13 +36,13 @@ fn outcome(choice: DeviceChoice) -> Outcome {
 
     let before = net.forward(batch.x_bchw.clone());
     let (value, obstacle) = (numbers(before.value_bkhw.clone()), numbers(before.obstacle_b1hw.clone()));
-    let losses = loss(&net, before, &batch.targets);
+    let losses = loss(&net, before, &batch.targets, Tasks::Both);
     let first = losses.values().total;
     let gradients = GradientsParams::from_grads(losses.total.backward(), &net);
     let net = optim.step(1e-2, net, gradients);
     let after = net.forward(batch.x_bchw.clone());
     let stepped_value = numbers(after.value_bkhw.clone());
-    let loss_after_a_step = loss(&net, after, &batch.targets).values().total;
+    let loss_after_a_step = loss(&net, after, &batch.targets, Tasks::Both).values().total;
     Outcome { value, obstacle, loss: first, loss_after_a_step, stepped_value }
 }
 

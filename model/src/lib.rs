@@ -17,7 +17,7 @@ pub mod weights;
 
 pub use config::{CheckpointConfig, InputScale, NetConfig};
 pub use device::{DeviceChoice, DeviceError, device_name};
-pub use loss::{LossValues, Losses, Targets, loss};
+pub use loss::{LossValues, Losses, Targets, Tasks, loss};
 pub use net::{Nbp, NetOutput};
 pub use optim::AdamW;
 pub use predictor::NetPredictor;

@@ -7,7 +7,20 @@
 use crate::net::{Nbp, NetOutput};
 use burn::prelude::*;
 use burn::tensor::activation::log_sigmoid;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+/// Which of the two maps is learnt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tasks {
+    /// Both, weighed by their uncertainties.
+    #[default]
+    Both,
+    /// The value map: the other decoder stays as it was drawn.
+    Value,
+    /// The obstacle map, likewise.
+    Obstacle,
+}
 
 /// What the network should have answered.
 #[derive(Clone, Debug)]
@@ -65,8 +78,8 @@ impl Losses {
     }
 }
 
-/// Loss of an answer of `net`.
-pub fn loss(net: &Nbp, output: NetOutput, targets: &Targets) -> Losses {
+/// Loss of an answer of `net`; all parts are measured, those of `tasks` make the total.
+pub fn loss(net: &Nbp, output: NetOutput, targets: &Targets, tasks: Tasks) -> Losses {
     let error_bkhw = (output.value_bkhw - targets.value_bkhw.clone()) * targets.mask_bkhw.clone();
     let mse = error_bkhw.powi_scalar(2).sum().div_scalar(targets.labelled.max(1) as f32);
 
@@ -77,8 +90,17 @@ pub fn loss(net: &Nbp, output: NetOutput, targets: &Targets) -> Losses {
 
     let log_sigma = net.log_vars.val();
     let precision = log_sigma.clone().mul_scalar(-2.0).exp();
-    let tasks = Tensor::cat(vec![mse.clone().mul_scalar(0.5), bce.clone()], 0);
-    let total = (tasks * precision + log_sigma.clone()).sum();
+    // The other task is left out, not multiplied by zero: decay would wear down weights with gradients of zero.
+    let alone =
+        |half: Tensor<1>, task| half * precision.clone().narrow(0, task, 1) + log_sigma.clone().narrow(0, task, 1);
+    let total = match tasks {
+        Tasks::Both => {
+            let halves = Tensor::cat(vec![mse.clone().mul_scalar(0.5), bce.clone()], 0);
+            (halves * precision + log_sigma.clone()).sum()
+        }
+        Tasks::Value => alone(mse.clone().mul_scalar(0.5), 0),
+        Tasks::Obstacle => alone(bce.clone(), 1),
+    };
     Losses { total, mse, bce, sigma: log_sigma.exp() }
 }
 
@@ -110,11 +132,15 @@ mod tests {
             obstacle_b1hw: full(1.0, [1, 1, 16, 16]),
         };
         let output = NetOutput { value_bkhw: full(4.0, [1, 8, 4, 4]), obstacle_b1hw: full(-0.5, [1, 1, 16, 16]) };
-        let got = loss(&net(), output, &targets).values();
+        let of = |tasks| loss(&net(), output.clone(), &targets, tasks).values();
+        let got = of(Tasks::Both);
         let (mse, bce) = (9.0f32, (1.0 + 0.5f32.exp()).ln());
         let want = mse / (2.0 * 0.6f32.exp()) + 0.3 + bce / (-0.4f32).exp() - 0.2;
         assert!((got.mse - mse).abs() < 1e-5 && (got.bce - bce).abs() < 1e-5, "{got:?}");
         assert!((got.total - want).abs() < 1e-5, "{got:?} {want}");
+        let [value, obstacle] = [Tasks::Value, Tasks::Obstacle].map(of);
+        assert!((value.total - (mse / (2.0 * 0.6f32.exp()) + 0.3)).abs() < 1e-5 && value.bce == got.bce);
+        assert!((value.total + obstacle.total - got.total).abs() < 1e-5);
         assert!((got.sigma[0] - 0.3f32.exp()).abs() < 1e-6 && (got.sigma[1] - (-0.2f32).exp()).abs() < 1e-6);
     }
 
@@ -127,7 +153,7 @@ mod tests {
             obstacle_b1hw: full(0.0, [1, 1, 16, 16]),
         };
         let output = NetOutput { value_bkhw: full(4.0, [1, 8, 4, 4]), obstacle_b1hw: full(200.0, [1, 1, 16, 16]) };
-        let got = loss(&net(), output, &targets).values();
+        let got = loss(&net(), output, &targets, Tasks::Both).values();
         assert!(got.is_finite() && got.mse == 0.0 && (got.bce - 200.0).abs() < 1e-3, "{got:?}");
     }
 }

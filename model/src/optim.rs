@@ -76,7 +76,7 @@ impl Optimizer for Stepper {
 mod tests {
     use super::*;
     use crate::tensorize::tests::input;
-    use crate::{Batch, Nbp, NetConfig, SampleRef, loss};
+    use crate::{Batch, Nbp, NetConfig, SampleRef, Tasks, loss};
     use burn::module::{ModuleVisitor, Param};
     use burn::optim::GradientsParams;
 
@@ -134,7 +134,7 @@ mod tests {
         let batch = Batch::new(&samples, &config, device).unwrap();
         let losses = (0..3)
             .map(|_| {
-                let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets);
+                let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets, Tasks::Both);
                 let gradients = GradientsParams::from_grads(losses.total.clone().backward(), &net);
                 net = optim.step(settings.lr, net.clone(), gradients);
                 losses.values().total

@@ -12,7 +12,7 @@ use nbp_env::Heading;
 use nbp_env::label::ValueLabel;
 use nbp_env::predict::EncoderInput;
 use nbp_env::window::{Window, WindowSize};
-use nbp_model::{AdamW, Batch, CheckpointConfig, Nbp, NetConfig, SampleRef, fast, loss, weights};
+use nbp_model::{AdamW, Batch, CheckpointConfig, Nbp, NetConfig, SampleRef, Tasks, fast, loss, weights};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -165,7 +165,7 @@ fn agrees(base: usize, side: usize, device: &Device) {
     assert_close("train.value", output.value_bkhw.clone(), &want);
     assert_close("train.obstacle", sigmoid(output.obstacle_b1hw.clone()), &want);
 
-    let losses = loss(&net, output, &batch.targets);
+    let losses = loss(&net, output, &batch.targets, Tasks::Both);
     let values = losses.values();
     let got = [values.total, values.mse, values.bce, values.sigma[0], values.sigma[1]];
     for (got, want) in got.iter().zip(&want["train.loss"].1) {
@@ -213,7 +213,7 @@ fn curve() -> Vec<f32> {
     let mut optim = settings.init();
     (0..20)
         .map(|_| {
-            let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets);
+            let losses = loss(&net, net.forward(batch.x_bchw.clone()), &batch.targets, Tasks::Both);
             let total = losses.values().total;
             let gradients = GradientsParams::from_grads(losses.total.backward(), &net);
             net = optim.step(settings.lr, net.clone(), gradients);

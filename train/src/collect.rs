@@ -5,7 +5,7 @@ use crate::config::CollectConfig;
 use crate::interrupt;
 use crate::memory::PackedSample;
 use nbp_env::episode::Episode;
-use nbp_env::label::{Sample, Waypoint, value_labels};
+use nbp_env::label::{LabelKind, Sample, Waypoint, value_labels};
 use nbp_env::policy::nbp::{Nbp, Passability};
 use nbp_env::policy::{Plan, PolicyError};
 use nbp_env::world::{StartError, World};
@@ -105,7 +105,7 @@ fn trajectory(
         // A plan made just now ends the path before it: the pose between them is its goal and the next one's start.
         if policy.plan().is_some_and(|plan| plan.made_at == episode.steps()) && path.len() > 1 {
             let begun = Instant::now();
-            samples.extend(cut(&path, world));
+            samples.extend(cut(&path, config.labels, world));
             packing += begun.elapsed();
             path.drain(..path.len() - 1);
         }
@@ -113,7 +113,7 @@ fn trajectory(
         path.push(waypoint(&episode));
     }
     let last = Instant::now();
-    samples.extend(cut(&path, world));
+    samples.extend(cut(&path, config.labels, world));
     packing += last.elapsed();
     Ok(Trajectory {
         scene: world.scene().name().into(),
@@ -134,8 +134,8 @@ fn waypoint(episode: &Episode) -> Waypoint {
     }
 }
 
-/// One sample for each pose of a path but its last, labelled with all that follow (paper, section 4.3: `0 ≤ i < j ≤ m`).
-fn cut(path: &[Waypoint], world: &World) -> Vec<PackedSample> {
+/// One sample for each pose of a path but its last.
+fn cut(path: &[Waypoint], labels: LabelKind, world: &World) -> Vec<PackedSample> {
     let last = path.len().saturating_sub(1);
     path[..last]
         .iter()
@@ -144,7 +144,7 @@ fn cut(path: &[Waypoint], world: &World) -> Vec<PackedSample> {
             PackedSample::new(&Sample {
                 input: waypoint.input.clone(),
                 step: waypoint.step,
-                labels: value_labels(path, i, world.scene().lattice(), world.surface().len()),
+                labels: value_labels(path, i, labels, world.scene().lattice(), world.surface().len()),
                 obstacles: world.obstacles().crop(&waypoint.input.window),
             })
         })

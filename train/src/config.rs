@@ -2,10 +2,11 @@
 
 use nbp_dataset::generate::Level;
 use nbp_env::goal::GoalRule;
+use nbp_env::label::LabelKind;
 use nbp_env::policy::nbp::NbpConfig;
 use nbp_env::{Heading, SimConfig};
 use nbp_infer::registry::PolicyKind;
-use nbp_model::{AdamW, DeviceChoice, InputScale, NetConfig};
+use nbp_model::{AdamW, DeviceChoice, InputScale, NetConfig, Tasks};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -138,6 +139,8 @@ pub struct CollectConfig {
     /// Trajectories that are walked side by side and ask the network together; 1: each asks for itself. On the CPU the
     /// samples do not depend on it.
     pub batch: usize,
+    /// Which poses of a path become labels of the others: `sub-paths` (paper), `goals` or `as-released`.
+    pub labels: LabelKind,
     /// How goals and headings are drawn (paper: Boltzmann; released code: β = 0.5 percent points).
     pub policy: NbpConfig,
 }
@@ -145,7 +148,15 @@ pub struct CollectConfig {
 impl Default for CollectConfig {
     fn default() -> Self {
         let policy = NbpConfig { goal: GoalRule::Boltzmann { beta: 0.5 }, ..NbpConfig::default() };
-        Self { trajectories: 1, first_trajectories: 2, steps: 100, enough: 0.95, batch: 1, policy }
+        Self {
+            trajectories: 1,
+            first_trajectories: 2,
+            steps: 100,
+            enough: 0.95,
+            batch: 1,
+            labels: LabelKind::SubPaths,
+            policy,
+        }
     }
 }
 
@@ -177,6 +188,8 @@ pub struct TrainConfig {
     pub batch: usize,
     /// Forward passes for each step of the optimiser; effective batch = `batch · accumulate` (paper: 448 = 56 · 8).
     pub accumulate: usize,
+    /// What is learnt: `both` maps in one network (paper), or only the `value` or the `obstacle` map.
+    pub tasks: Tasks,
     /// Make the answers of batch norm again on the way back instead of keeping them: a fifth less memory at no measurable
     /// time (128/32/8: 705 MiB instead of 890); same bits.
     pub gradient_checkpointing: bool,
@@ -203,6 +216,7 @@ impl Default for TrainConfig {
             epochs: 5,
             batch: 56,
             accumulate: 8,
+            tasks: Tasks::Both,
             gradient_checkpointing: true,
             augment: false,
             validation: 1000,

@@ -172,7 +172,8 @@ impl Session {
             for group in left {
                 let begun = Instant::now();
                 let count = group.len().div_ceil(batch);
-                let values = self.learner.step(batches.by_ref(), count, self.progress.plateau.lr)?;
+                let values =
+                    self.learner.step(batches.by_ref(), count, self.config.train.tasks, self.progress.plateau.lr)?;
                 let (took, waited) = (begun.elapsed(), batches.waited());
                 self.clock.network(took.saturating_sub(waited));
                 self.clock.io(waited);
@@ -195,7 +196,12 @@ impl Session {
     /// Loss on what was kept out, the schedule's verdict on it, and pictures.
     fn validate(&mut self) -> Result<Verdict> {
         let begun = Instant::now();
-        let validation = validate::run(&self.learner, &self.held_out, self.config.train.batch)?;
+        let validation = validate::run(
+            &self.learner,
+            &self.held_out,
+            self.config.train.batch,
+            self.config.policy.obstacle_threshold,
+        )?;
         self.clock.network(begun.elapsed());
         let begun = Instant::now();
         let train = &self.config.train;
@@ -204,19 +210,26 @@ impl Session {
             None => Verdict::Better,
             Some(loss) => {
                 let (factor, patience) = (train.plateau_factor, train.plateau_patience);
-                self.progress.plateau.observe(loss.total(), factor, patience, train.early_stop)
+                self.progress.plateau.observe(loss.total(train.tasks), factor, patience, train.early_stop)
             }
         };
         if let Some(loss) = validation {
             self.progress.validation = Some(loss);
-            let values = [("validation/value_mse", loss.mse), ("validation/obstacle_bce", loss.bce)];
+            let values = [
+                ("validation/value_mse", loss.mse),
+                ("validation/obstacle_bce", loss.bce),
+                ("validation/obstacle_precision", loss.precision),
+                ("validation/obstacle_recall", loss.recall),
+            ];
             self.log.scalars(self.progress.steps, &values.map(|(name, value)| (name.to_string(), value)));
             tracing::info!(
-                "iteration {}, epoch {}: validation value {:.3}, obstacle {:.4}{}",
+                "iteration {}, epoch {}: validation value {:.3}, obstacle {:.4}, precision {:.3}, recall {:.3}{}",
                 self.progress.iteration + 1,
                 self.progress.epoch + 1,
                 loss.mse,
                 loss.bce,
+                loss.precision,
+                loss.recall,
                 if verdict == Verdict::Better { " (best so far)" } else { "" }
             );
             let sample = self.held_out.get(0)?;

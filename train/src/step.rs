@@ -7,7 +7,7 @@ use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 use nbp_env::SeedTree;
 use nbp_env::label::Sample;
-use nbp_model::{Batch, LossValues, Nbp, NetConfig, SampleRef, TensorizeError, loss};
+use nbp_model::{Batch, LossValues, Nbp, NetConfig, SampleRef, Tasks, TensorizeError, loss};
 
 /// Why a step was not made.
 #[derive(Debug, thiserror::Error)]
@@ -58,7 +58,7 @@ pub struct Learner {
 }
 
 impl Learner {
-    /// One step on the mean loss of `count` batches, each a forward pass of its own.
+    /// One step on the mean loss of `tasks` over `count` batches, each a forward pass of its own.
     ///
     /// # Errors
     /// When samples cannot be read, batches are missing or the loss is not finite; the weights do not move then.
@@ -66,6 +66,7 @@ impl Learner {
         &mut self,
         mut batches: impl Iterator<Item = Result<Batch, StepError>>,
         count: usize,
+        tasks: Tasks,
         lr: f64,
     ) -> Result<LossValues, StepError> {
         let mut accumulator = GradientsAccumulator::new();
@@ -75,7 +76,7 @@ impl Learner {
             let missing = StepError::Missing { found, wanted: count, step: self.steps };
             let batch = batches.next().ok_or(missing)??;
             let output = self.net.forward(batch.x_bchw.clone());
-            let losses = loss(&self.net, output, &batch.targets);
+            let losses = loss(&self.net, output, &batch.targets, tasks);
             let values = losses.values();
             self.refuse_non_finite(&values)?;
             let gradients = losses.total.mul_scalar(share).backward();
@@ -195,10 +196,49 @@ mod tests {
         let before = weights(&learner);
         let made = |count| (0..count).map(|_| Ok(batch(&config, &learner.device))).collect::<Vec<_>>();
         let (one, two) = (made(1), made(2));
-        let error = learner.step(one.into_iter(), 2, 1e-3).unwrap_err().to_string();
+        let error = learner.step(one.into_iter(), 2, Tasks::Both, 1e-3).unwrap_err().to_string();
         assert!(error.contains("only 1 of the 2 batches of step 0"), "{error}");
         assert_eq!((learner.steps, weights(&learner)), (0, before.clone()));
-        learner.step(two.into_iter(), 2, 1e-3).unwrap();
+        learner.step(two.into_iter(), 2, Tasks::Both, 1e-3).unwrap();
         assert!(learner.steps == 1 && weights(&learner) != before);
+    }
+
+    #[test]
+    fn what_is_not_learnt_stays() {
+        let (config, device) = (NetConfig { base: 2, ..NetConfig::default() }, Device::flex().autodiff());
+        let net = Nbp::new(&config, 1, &device).unwrap();
+        let mut learner = Learner { net, optim: AdamW::default().init(), config, device, steps: 0 };
+        let parameters = |learner: &Learner| {
+            let mut found = Parameters::default();
+            learner.net.visit(&mut found);
+            found.all
+        };
+        let before = parameters(&learner);
+        learner.step(vec![Ok(batch(&config, &learner.device))].into_iter(), 1, Tasks::Obstacle, 1e-3).unwrap();
+        let after = parameters(&learner);
+        let moved =
+            |part: &str| before.iter().filter(|(name, v)| name.starts_with(part) && after[*name] != **v).count();
+        assert!(moved("encoder") > 0 && moved("obstacle") > 0, "{:?}", before.keys());
+        assert_eq!(moved("value"), 0);
+    }
+
+    #[derive(Default)]
+    struct Parameters {
+        path: Vec<String>,
+        all: std::collections::BTreeMap<String, Vec<f32>>,
+    }
+
+    impl ModuleVisitor for Parameters {
+        fn enter_module(&mut self, name: &str, _: &str) {
+            self.path.push(name.into());
+        }
+
+        fn exit_module(&mut self, _: &str, _: &str) {
+            self.path.pop();
+        }
+
+        fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
+            self.all.insert(self.path.join("."), parameter.val().into_data().iter().collect());
+        }
     }
 }

@@ -162,7 +162,7 @@ impl Episode {
     /// `start` is free. `frame` lends its memory.
     fn begin(world: Arc<World>, start: LatticePose, horizon: usize, seed: SeedTree, frame: Frame) -> Self {
         let encode = &world.config().encode;
-        let map = AgentMap::new(encode.window, encode.layers, world.scene().floor());
+        let map = AgentMap::new(encode, world.scene().floor());
         let pose = world.scene().lattice().pose(start);
         let walker = match world.config().agent {
             Agent::Lattice {} => None,

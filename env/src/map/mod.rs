@@ -11,6 +11,7 @@ pub use density::{DensityGrid, Layers};
 pub use kept::Kept;
 pub use occupancy::{Cell, OccupancyGrid};
 
+use crate::encode::EncodeConfig;
 use crate::pose::{Lattice, LatticePose, Node, Pose};
 use crate::sensor::{Camera, Frame};
 use crate::window::WindowSize;
@@ -21,6 +22,7 @@ use std::fmt;
 /// The agent's memory of one episode.
 #[derive(Debug, Clone)]
 pub struct AgentMap {
+    window: WindowSize,
     density: DensityGrid,
     occupancy: OccupancyGrid,
     cloud: Cloud,
@@ -34,9 +36,10 @@ pub struct AgentMap {
 
 impl AgentMap {
     /// Nothing known yet.
-    pub fn new(size: WindowSize, layers: Layers, floor: f32) -> Self {
+    pub fn new(encode: &EncodeConfig, floor: f32) -> Self {
         Self {
-            density: DensityGrid::new(size, layers, floor),
+            window: encode.window,
+            density: DensityGrid::new(encode.input(), encode.layers, floor),
             occupancy: OccupancyGrid::default(),
             cloud: Cloud::default(),
             colours: Vec::new(),
@@ -148,6 +151,11 @@ impl<'a> MapView<'a> {
     /// Points per pixel and layer.
     pub fn density(&self) -> &'a DensityGrid {
         &self.map.density
+    }
+
+    /// Size and range of what the network answers; the density has that of its input.
+    pub fn window_size(&self) -> WindowSize {
+        self.map.window
     }
 
     /// Known cells of the camera plane.

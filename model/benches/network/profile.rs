@@ -12,7 +12,7 @@ use burn::optim::GradientsParams;
 use burn::prelude::*;
 use burn::tensor::Distribution;
 use nbp_model::net::{Conv, Norm};
-use nbp_model::{AdamW, fast, loss};
+use nbp_model::{AdamW, Tasks, fast, loss};
 
 /// Calls of which the quickest counts: an operator is short, and whatever comes between makes it longer.
 const REPEATS: usize = 7;
@@ -226,7 +226,7 @@ fn phases(row: Row) -> Result<[Time; 3], Failure> {
     for _ in 0..REPEATS {
         let Work::Train { net, optim, batch } = &mut work else { return Err("this is no training".into()) };
         let (ahead, losses) = Time::of(|| {
-            let losses = loss(net, net.forward(batch.x_bchw.clone()), &batch.targets);
+            let losses = loss(net, net.forward(batch.x_bchw.clone()), &batch.targets, Tasks::Both);
             losses.values();
             losses
         });

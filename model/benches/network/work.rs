@@ -9,7 +9,7 @@ use nbp_env::Heading;
 use nbp_env::label::ValueLabel;
 use nbp_env::predict::EncoderInput;
 use nbp_env::window::{Window, WindowSize};
-use nbp_model::{AdamW, Batch, CheckpointConfig, Nbp, NetConfig, NetPredictor, SampleRef, loss, weights};
+use nbp_model::{AdamW, Batch, CheckpointConfig, Nbp, NetConfig, NetPredictor, SampleRef, Tasks, loss, weights};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -144,7 +144,7 @@ impl Work {
     pub(crate) fn step(&mut self) -> Result<f64, Failure> {
         match self {
             Self::Train { net, optim, batch } => {
-                let losses = loss(net, net.forward(batch.x_bchw.clone()), &batch.targets);
+                let losses = loss(net, net.forward(batch.x_bchw.clone()), &batch.targets, Tasks::Both);
                 let values = losses.values();
                 let gradients = GradientsParams::from_grads(losses.total.backward(), net);
                 *net = optim.step(AdamW::default().lr, net.clone(), gradients);

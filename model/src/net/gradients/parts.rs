@@ -9,7 +9,7 @@ use crate::net::init::Init;
 use crate::net::{
     Conv, ConvBlock, Encoder, Features, Gate, Nbp, NetOutput, Norm, ObstacleDecoder, Stage, Up, ValueDecoder,
 };
-use crate::{NetConfig, Targets, loss};
+use crate::{NetConfig, Targets, Tasks, loss};
 use burn::module::{ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::prelude::*;
@@ -322,7 +322,7 @@ fn targets(side: usize, dtype: DType) -> Targets {
 
 fn total(net: &Nbp, output: NetOutput, side: usize) -> Vec<Tensor<4>> {
     let targets = targets(side, output.value_bkhw.dtype());
-    vec![loss(net, output, &targets).total.reshape([1, 1, 1, 1])]
+    vec![loss(net, output, &targets, Tasks::Both).total.reshape([1, 1, 1, 1])]
 }
 
 #[test]
