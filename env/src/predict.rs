@@ -118,3 +118,17 @@ impl<P: Predictor + ?Sized> Predictor for Arc<P> {
         (**self).predict(inputs)
     }
 }
+/// The value map of one predictor beside the obstacle map of another (paper, section 5.4: single-task networks).
+pub struct Paired {
+    /// Whose value maps count.
+    pub value: Arc<dyn Predictor>,
+    /// Whose obstacle maps count.
+    pub obstacle: Arc<dyn Predictor>,
+}
+
+impl Predictor for Paired {
+    fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+        let pairs = self.value.predict(inputs)?.into_iter().zip(self.obstacle.predict(inputs)?);
+        Ok(pairs.map(|(value, obstacle)| Prediction { value: value.value, obstacle: obstacle.obstacle }).collect())
+    }
+}

@@ -10,7 +10,6 @@ use nbp_env::scene::LoadOptions;
 use nbp_infer::journal::{Fingerprints, Journal};
 use nbp_infer::{EvalConfig, PolicyKind, checkpoint, eval, export, plot, source, table};
 use nbp_model::DeviceChoice;
-use nbp_model::weights::WEIGHTS_FILE;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -73,9 +72,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     bar.finish();
     let scenes = scenes.context("cannot use the scenes")?;
     let worlds = setup::worlds(scenes, &settings, talk)?;
-    let weights = match (&args.setup.checkpoint, &context.predictor) {
-        (Some(path), Some(_)) => Some(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?),
-        _ => None,
+    let weights = match context.predictor {
+        Some(_) => Some(args.setup.weights()?),
+        None => None,
     };
     let fingerprints = Fingerprints::new(&worlds, &settings, &config, weights.as_deref());
     drop(weights);

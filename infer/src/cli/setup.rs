@@ -3,8 +3,10 @@
 use super::overrides::{self, EvalSection};
 use super::{talk::Talk, usage};
 use anyhow::{Context, Result};
-use nbp_env::{Scene, World};
+use nbp_env::predict::Paired;
+use nbp_env::{Predictor, Scene, World};
 use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
+use nbp_model::weights::WEIGHTS_FILE;
 use nbp_model::{CheckpointConfig, DeviceChoice};
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -16,6 +18,9 @@ pub(super) struct Args {
     /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors. Its settings hold for every policy
     #[arg(long, value_name = "DIR|FILE")]
     pub(super) checkpoint: Option<PathBuf>,
+    /// Take the obstacle map from another checkpoint: networks that learnt one task each
+    #[arg(long, value_name = "DIR|FILE", requires = "checkpoint")]
+    obstacle_checkpoint: Option<PathBuf>,
     /// Configuration file (TOML): its sim, policy and eval tables; several are stacked left to right
     #[arg(long, value_name = "FILE")]
     config: Vec<PathBuf>,
@@ -74,6 +79,15 @@ impl Args {
         Ok(Read { settings, trained, eval })
     }
 
+    /// Bytes of the weights of all checkpoints.
+    pub(super) fn weights(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        for path in self.checkpoint.iter().chain(&self.obstacle_checkpoint) {
+            bytes.extend(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?);
+        }
+        Ok(bytes)
+    }
+
     /// What was read and, if one of the policies needs it, the network, which answers `batch` inputs at once.
     pub(super) fn setup(
         &self,
@@ -105,7 +119,15 @@ impl Args {
                 window.metres,
                 loaded.device
             ));
-            context.predictor = Some(Arc::new(loaded.predictor.with_chunk(batch)));
+            let value: Arc<dyn Predictor> = Arc::new(loaded.predictor.with_chunk(batch));
+            context.predictor = Some(match &self.obstacle_checkpoint {
+                None => value,
+                Some(path) => {
+                    let obstacle = checkpoint::load(path, device).context("cannot use the obstacle checkpoint")?;
+                    checkpoint::check(&obstacle.config, &settings.sim)?;
+                    Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) })
+                }
+            });
         }
         talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
         Ok(Setup { settings, context, steps })
