@@ -11,7 +11,7 @@ use crate::seed::Rng;
 use crate::sensor::Camera;
 use glam::Vec3;
 use rand::RngExt as _;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Probability of a proxy that nothing was asked about.
 const UNKNOWN: f32 = 0.5;
@@ -46,8 +46,12 @@ pub struct Belief {
 impl Belief {
     /// Nothing seen yet, in a scene's box.
     pub fn new(bounds: [Vec3; 2], camera: Camera, config: NbvConfig, rng: &mut Rng) -> Self {
-        let proxies = Field::uniform(bounds, config.proxies, rng);
         let cells = Cells::new(bounds, config.cell, config.voxel);
+        let drawn = Field::uniform(bounds, config.proxies, rng);
+        // Cell by cell: neighbours are in or out of a frustum together, which makes looking through them twice as fast.
+        let mut points = drawn.points().to_vec();
+        points.sort_by_key(|&point| cells.cell_of(point));
+        let proxies = Field::new(points, drawn.spacing());
         let homes = proxies.points().iter().map(|&point| cells.cell_of(point) as u32).collect();
         let (answers, counts) = (vec![None; proxies.points().len()], cells.counts());
         Self { config, camera, bounds, proxies, homes, answers, cells, counts, frames: 0 }
@@ -117,8 +121,14 @@ impl Belief {
             }
         }
         open.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        open.truncate(self.config.queries);
-        let asked: Vec<u32> = open.into_iter().map(|(_, proxy)| proxy).collect();
+        // The cloud around a cell costs the network as much as a dozen questions about it.
+        let mut cells = BTreeSet::new();
+        let is_affordable = |&proxy: &u32| {
+            let cell = self.homes[proxy as usize];
+            cells.contains(&cell) || cells.len() < self.config.cells && cells.insert(cell)
+        };
+        let proxies = open.into_iter().map(|(_, proxy)| proxy);
+        let asked: Vec<u32> = proxies.filter(is_affordable).take(self.config.queries).collect();
         let (inputs, places): (Vec<_>, Vec<_>) = self.questions(&self.proxies, &asked, eye, rng).into_iter().unzip();
         let answers = predictor.occupancy(&inputs)?;
         if answers.len() != inputs.len() || answers.iter().zip(&places).any(|(a, p)| a.len() != p.len()) {
@@ -190,8 +200,8 @@ impl Belief {
         harmonics: &Harmonics,
         rng: &mut Rng,
     ) -> CandidateInput {
-        let points = self.proxies.points();
-        let is_in_view = |&&(proxy, _): &&(usize, f32)| self.camera.project(camera, points[proxy]).is_some();
+        let (points, eye_there) = (self.proxies.points(), self.camera.at(camera));
+        let is_in_view = |&&(proxy, _): &&(usize, f32)| eye_there.project(points[proxy]).is_some();
         let mut mass = 0.0;
         let inside = likely.iter().filter(is_in_view).map(|&(proxy, probability)| {
             mass += probability;

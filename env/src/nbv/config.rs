@@ -20,6 +20,8 @@ pub struct NbvConfig {
     pub cloud_points: usize,
     /// Around fewer points than this nothing is asked, and the proxies count as empty (published: 64).
     pub min_points: usize,
+    /// Cells whose cloud the network sees in a step (published: all in view).
+    pub cells: usize,
     /// Proxies asked about in a step, the nearest and longest unasked first (published: all).
     pub queries: usize,
     /// Proxies drawn in the frustum of a candidate, with repetition (published: 2048).
@@ -54,6 +56,7 @@ impl NbvConfig {
         voxel: 0.25,
         cloud_points: 512,
         min_points: 64,
+        cells: 4,
         queries: 64,
         draws: 64,
         min_probability: 0.1,
@@ -68,6 +71,7 @@ impl NbvConfig {
         voxel: 0.1,
         cloud_points: 2048,
         min_points: 64,
+        cells: 10_000,
         queries: 50_000,
         draws: 2048,
         min_probability: 0.1,
@@ -84,6 +88,7 @@ impl NbvConfig {
             ("cloud_points", self.cloud_points, 64..=65_536, "from 64 to 65,536"),
             // So many that three scales with neighbours for each query can be drawn from them.
             ("min_points", self.min_points, 64..=65_536, "from 64 to 65,536"),
+            ("cells", self.cells, 1..=1_000_000, "from 1 to 1,000,000"),
             ("queries", self.queries, 1..=1_000_000, "from 1 to 1,000,000"),
             ("draws", self.draws, 1..=65_536, "from 1 to 65,536"),
         ];

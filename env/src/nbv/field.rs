@@ -72,8 +72,9 @@ impl Field {
     /// Takes in a frame: points that lie more than `carving` metres in front of what it shows are seen through; those at
     /// most three spacings behind it are looked at.
     pub fn observe(&mut self, camera: &Camera, pose: &Pose, frame: &Frame, carving: f32) {
+        let eye = camera.at(pose);
         for (&point, sight) in self.points.iter().zip(&mut self.sights) {
-            let Some([col, row, depth]) = camera.project(pose, point) else { continue };
+            let Some([col, row, depth]) = eye.project(point) else { continue };
             let (col, row) = ((col as usize).min(frame.width - 1), (row as usize).min(frame.height - 1));
             // Where nothing was measured, nothing is within range.
             let beyond = depth - frame.at(col, row).unwrap_or(camera.range);

@@ -16,7 +16,7 @@ use glam::Vec3;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom;
 use serde::{Deserialize, Serialize};
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
 /// Half of SCONE's questions are about points so near to the true surface, metres.
@@ -221,7 +221,7 @@ fn towards(here: LatticePose, next: Option<LatticePose>) -> Action {
     Action { direction: Direction::between(here.node, next.node), heading: next.heading }
 }
 
-/// A sample of MACARONS that waits for what comes next.
+/// A sample of MACARONS that waits for what comes next, with what was believed at it.
 struct Pending {
     step: usize,
     eye: Pose,
@@ -239,7 +239,9 @@ fn taught_by_itself(
     let mut rng = seed.child("collect", 0).rng();
     let mut episode = Episode::random(Arc::clone(world), collect.steps, seed);
     let mut belief = Belief::new(world.scene().bounds(), *world.sensor().camera(), *config, &mut rng);
-    let (mut pending, mut frames) = (Vec::new(), vec![1]);
+    let (mut pending, mut samples) = (VecDeque::new(), Vec::new());
+    let mut seen = Seen::default();
+    seen.add(&episode);
     while !episode.is_over() {
         let (view, step) = (episode.view(), episode.steps());
         let eye = view.camera();
@@ -258,7 +260,7 @@ fn taught_by_itself(
             let solid = questions.iter().map(|(_, proxies)| proxies.iter().map(label).collect()).collect();
             let occupancy = questions.into_iter().map(|(input, _)| input).collect();
             let sample = NbvSample { occupancy, solid, ..NbvSample::default() };
-            pending.push(Pending { step, eye, belief: belief.clone(), sample });
+            pending.push_back(Pending { step, eye, belief: belief.clone(), sample });
         }
         let candidates = scone::candidates(&view);
         let next = match predictor.filter(|_| rng.random::<f32>() >= collect.epsilon) {
@@ -266,22 +268,41 @@ fn taught_by_itself(
             None => candidates.choose(&mut rng).copied(),
         };
         episode.step(towards(view.pose(), next));
-        frames.push(episode.view().cloud().frames());
-    }
-    let seen = first_seen(&episode, &frames);
-    Ok(pending.into_iter().map(|pending| measured(pending, &episode, &frames, &seen, collect, &mut rng)).collect())
-}
-
-/// The cubes of the agent's cloud, and the step at which each was first seen; `frames` are their numbers after each step.
-fn first_seen(episode: &Episode, frames: &[usize]) -> HashMap<[i32; 3], usize> {
-    let mut seen = HashMap::new();
-    for (step, &end) in frames.iter().enumerate() {
-        let begin = step.checked_sub(1).map_or(0, |before| frames[before]);
-        for frame in begin..end {
-            cubes(episode, frame).into_iter().for_each(|cube| _ = seen.entry(cube).or_insert(step));
+        seen.add(&episode);
+        while let Some(first) =
+            pending.pop_front_if(|first: &mut Pending| seen.moves_after(first.step).count() > collect.replays)
+        {
+            samples.push(first.measured(&episode, &seen, collect, &mut rng));
         }
     }
-    seen
+    samples.extend(pending.into_iter().map(|last| last.measured(&episode, &seen, collect, &mut rng)));
+    Ok(samples)
+}
+
+/// What an agent has seen of the surface.
+#[derive(Default)]
+struct Seen {
+    /// The cubes of its cloud, and the step at which each was first seen. Only asked, never iterated.
+    cubes: HashMap<[i32; 3], usize>,
+    /// Number of frames after each step, the start first.
+    frames: Vec<usize>,
+}
+
+impl Seen {
+    /// Takes in the frames of one more step.
+    fn add(&mut self, episode: &Episode) {
+        let (step, begin) = (self.frames.len(), self.frames.last().copied().unwrap_or(0));
+        let end = episode.view().cloud().frames();
+        for cube in (begin..end).flat_map(|frame| cubes(episode, frame)) {
+            self.cubes.entry(cube).or_insert(step);
+        }
+        self.frames.push(end);
+    }
+
+    /// Steps after `step` that did not end in a bump, which takes no frame.
+    fn moves_after(&self, step: usize) -> impl Iterator<Item = usize> + '_ {
+        (step + 1..self.frames.len()).filter(|&later| self.frames[later] > self.frames[later - 1])
+    }
 }
 
 /// The cubes that a frame shows.
@@ -290,30 +311,23 @@ fn cubes(episode: &Episode, frame: usize) -> HashSet<[i32; 3]> {
     points.collect()
 }
 
-/// Adds the candidates: the poses reached after a sample, with what their frames showed that was not known at it.
-fn measured(
-    pending: Pending,
-    episode: &Episode,
-    frames: &[usize],
-    seen: &HashMap<[i32; 3], usize>,
-    collect: &CollectConfig,
-    rng: &mut Rng,
-) -> NbvSample {
-    let Pending { step, eye, belief, mut sample } = pending;
-    let (mut cameras, mut gains) = (Vec::new(), Vec::new());
-    // A bump takes no frame.
-    let moved = (step + 1..frames.len()).filter(|&later| frames[later] > frames[later - 1]);
-    for later in moved.take(1 + collect.replays) {
-        let cubes = cubes(episode, frames[later] - 1);
-        let is_new = |cube: &&[i32; 3]| seen.get(*cube).is_some_and(|&first| first > step);
-        gains.push(cubes.iter().filter(is_new).count() as f32);
-        cameras.push(episode.world().scene().lattice().pose(episode.view().history()[later]));
+impl Pending {
+    /// Adds the candidates: the poses reached after the sample, with what their frames showed that was not known at it.
+    fn measured(self, episode: &Episode, seen: &Seen, collect: &CollectConfig, rng: &mut Rng) -> NbvSample {
+        let Self { step, eye, belief, mut sample } = self;
+        let (mut cameras, mut gains) = (Vec::new(), Vec::new());
+        for later in seen.moves_after(step).take(1 + collect.replays) {
+            let cubes = cubes(episode, seen.frames[later] - 1);
+            let is_new = |cube: &&[i32; 3]| seen.cubes.get(*cube).is_some_and(|&first| first > step);
+            gains.push(cubes.iter().filter(is_new).count() as f32);
+            cameras.push(episode.world().scene().lattice().pose(episode.view().history()[later]));
+        }
+        if gains.len() > 1 && gains.iter().any(|&gain| gain > 0.0) {
+            sample.candidates = belief.candidates(&eye, &cameras, rng);
+            sample.gains = gains;
+        }
+        sample
     }
-    if gains.len() > 1 && gains.iter().any(|&gain| gain > 0.0) {
-        sample.candidates = belief.candidates(&eye, &cameras, rng);
-        sample.gains = gains;
-    }
-    sample
 }
 
 #[cfg(test)]
@@ -341,7 +355,8 @@ mod tests {
                 let go = || collect_samples(&world, predictor, &SMALL, &collect, SeedTree::new(4)).unwrap();
                 let samples = go();
                 assert_eq!(samples.len(), 6);
-                assert!(samples == go());
+                let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+                assert!(samples == one_thread.install(go));
                 let (mut solid, mut count, mut compared) = (0.0, 0, 0);
                 for sample in &samples {
                     assert_eq!(sample.candidates.len(), sample.gains.len());

@@ -95,16 +95,7 @@ impl Camera {
     /// `[col, row, depth]` of a point: continuous image coordinates (pixel `(i, j)` covers `i..i + 1`, `j..j + 1`) and
     /// depth along the optical axis. `None` outside the image or not between near plane and range.
     pub fn project(&self, pose: &Pose, point: Vec3) -> Option<[f32; 3]> {
-        let offset = point - pose.position;
-        let depth = offset.dot(pose.forward());
-        if !(depth >= Self::NEAR && depth < self.range) {
-            return None;
-        }
-        let scale = self.focal() / depth;
-        let col = self.width as f32 / 2.0 + offset.dot(pose.right()) * scale;
-        let row = self.height as f32 / 2.0 - offset.y * scale;
-        let inside = (0.0..self.width as f32).contains(&col) && (0.0..self.height as f32).contains(&row);
-        inside.then_some([col, row, depth])
+        self.at(pose).project(point)
     }
 }
 
@@ -119,6 +110,20 @@ pub struct PosedCamera {
 }
 
 impl PosedCamera {
+    /// As [`Camera::project`].
+    pub fn project(&self, point: Vec3) -> Option<[f32; 3]> {
+        let (offset, camera) = (point - self.position, &self.camera);
+        let depth = offset.dot(self.forward);
+        if !(depth >= Camera::NEAR && depth < camera.range) {
+            return None;
+        }
+        let scale = self.focal / depth;
+        let col = camera.width as f32 / 2.0 + offset.dot(self.right) * scale;
+        let row = camera.height as f32 / 2.0 - offset.y * scale;
+        let inside = (0.0..camera.width as f32).contains(&col) && (0.0..camera.height as f32).contains(&row);
+        inside.then_some([col, row, depth])
+    }
+
     /// Direction through the centre of a pixel, in the world. Its length along the optical axis is 1, so `position +
     /// depth · ray` is the surface that the pixel shows.
     pub fn ray(&self, col: usize, row: usize) -> Vec3 {
