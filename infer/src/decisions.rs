@@ -86,7 +86,8 @@ fn decide(
 ) -> Result<(Action, Vec<LatticePose>), PolicyError> {
     let world = episode.world();
     let trajectory = world.config().encode.trajectory;
-    let mut policy = Nbp::new(Arc::clone(predictor), config, Passability::Predicted, trajectory);
+    let passability = Passability::in_inference(&config, world);
+    let mut policy = Nbp::new(Arc::clone(predictor), config, passability, trajectory);
     let mut rng = trial.seeds(world.scene().name()).child("decision", episode.steps() as u64).rng();
     let action = policy.act(&episode.view(), &mut rng)?;
     Ok((action, policy.plan().map(|plan| plan.path.clone()).unwrap_or_default()))

@@ -125,7 +125,8 @@ impl fmt::Display for PolicyKind {
 pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> Result<Box<dyn Policy>, RegistryError> {
     let network = || context.predictor.clone().ok_or(RegistryError::NeedsNetwork(kind));
     let nbp = |predictor: Arc<dyn Predictor>| {
-        Nbp::new(predictor, context.nbp, Passability::Predicted, world.config().encode.trajectory)
+        let passability = Passability::in_inference(&context.nbp, world);
+        Nbp::new(predictor, context.nbp, passability, world.config().encode.trajectory)
     };
     Ok(match kind {
         PolicyKind::Random => Box::new(Random),

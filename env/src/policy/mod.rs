@@ -109,7 +109,7 @@ fn action_towards(from: Node, to: LatticePose) -> Action {
     Action { direction: Direction::between(from, to.node), heading: to.heading }
 }
 
-/// What every policy does when it has nowhere to go: turn to a heading not used here yet, else to any other.
+/// What every policy does when it has nowhere to go, the common rule: turn to a heading not used here yet, else to any other.
 fn turn_on_the_spot(view: &MapView<'_>, rng: &mut Rng) -> Action {
     let node = view.pose().node;
     let fresh: Vec<Heading> =
