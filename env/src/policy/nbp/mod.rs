@@ -358,10 +358,6 @@ mod tests {
         (episode, plans)
     }
 
-    fn goals(plans: &[Plan]) -> Vec<LatticePose> {
-        plans.iter().filter_map(|plan| plan.path.last().copied()).collect()
-    }
-
     #[test]
     fn a_plan_for_every_step_or_for_every_path() {
         let (_, rarely) = plans(NbpConfig { replan: Replan::OnArrival, ..NbpConfig::default() }, 20);
