@@ -1,4 +1,9 @@
-//! Final Coverage and AUC (paper, section 5.1), and their mean and spread over episodes.
+//! Final Coverage and AUC (paper, section 5.1), their mean and spread over episodes, and whether a difference is more than
+//! chance.
+
+use crate::seed::SeedTree;
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
 
 /// Coverage at the end of a curve; 0 for an empty one.
 pub fn final_coverage(curve: &[f32]) -> f64 {
@@ -25,6 +30,45 @@ pub fn mean_std(values: &[f64]) -> (f64, f64) {
     (mean, if values.len() < 2 { 0.0 } else { (squares / (n - 1.0)).sqrt() })
 }
 
+/// Resamples of a bootstrap.
+pub const RESAMPLES: usize = 10_000;
+
+/// A mean difference, and what chance may have to do with it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Difference {
+    /// Mean of the differences.
+    pub mean: f64,
+    /// Interval in which 95 % of the means of resamples lie.
+    pub interval: [f64; 2],
+    /// Two-sided: twice the share of resamples whose mean lies on the other side of 0, or on it.
+    pub p: f64,
+}
+
+/// Paired bootstrap: `differences` has one number for each pair (of scenes, say), and resamples of [`RESAMPLES`] draw as many
+/// of them with replacement. `None` for fewer than two pairs, of which nothing can be said.
+///
+/// With few pairs the interval is too narrow: resamples know no other values than these.
+pub fn paired_bootstrap(differences: &[f64], seed: SeedTree) -> Option<Difference> {
+    let count = differences.len();
+    if count < 2 {
+        return None;
+    }
+    let mut rng = seed.child("bootstrap", 0).rng();
+    let mut draw = || (0..count).map(|_| differences[rng.random_range(0..count)]).sum::<f64>() / count as f64;
+    let mut means: Vec<f64> = (0..RESAMPLES).map(|_| draw()).collect();
+    means.sort_by(f64::total_cmp);
+    let share = |is_beyond: fn(f64) -> bool| {
+        (1 + means.iter().filter(|&&mean| is_beyond(mean)).count()) as f64 / (RESAMPLES + 1) as f64
+    };
+    let quantile = |q: f64| means[(q * (RESAMPLES - 1) as f64).round() as usize];
+    Some(Difference {
+        mean: differences.iter().sum::<f64>() / count as f64,
+        interval: [quantile(0.025), quantile(0.975)],
+        p: (2.0 * share(|mean| mean <= 0.0).min(share(|mean| mean >= 0.0))).min(1.0),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,5 +86,22 @@ mod tests {
         let (mean, std) = mean_std(&[1.0, 2.0, 3.0]);
         assert!((mean - 2.0).abs() < 1e-12 && (std - 1.0).abs() < 1e-12);
         assert_eq!(mean_std(&[5.0]), (5.0, 0.0));
+    }
+
+    #[test]
+    fn a_bootstrap_tells_differences_from_chance() {
+        let of = |differences: &[f64]| paired_bootstrap(differences, SeedTree::new(3));
+        let clear = of(&[0.1, 0.12, 0.08, 0.11, 0.09]).unwrap();
+        assert!((clear.mean - 0.1).abs() < 1e-12 && clear.p < 0.001, "{clear:?}");
+        assert!(clear.interval[0] >= 0.08 && clear.interval[1] <= 0.12 && clear.interval[0] < clear.interval[1]);
+        let nothing = of(&[0.1, -0.1, 0.2, -0.2]).unwrap();
+        assert!(nothing.p > 0.5 && nothing.interval[0] < 0.0 && nothing.interval[1] > 0.0, "{nothing:?}");
+        assert_eq!(of(&[0.0; 4]).unwrap(), Difference { mean: 0.0, interval: [0.0; 2], p: 1.0 });
+        assert_eq!(of(&[0.1, 0.3, -0.1]), of(&[0.1, 0.3, -0.1]));
+        assert_eq!((of(&[0.1]), of(&[])), (None, None));
+        // The spread of the mean of numbers with a deviation of 1, which is known.
+        let spread: Vec<f64> = (1..400).map(|n| (f64::from(n) / 400.0 - 0.5) * 12_f64.sqrt()).collect();
+        let width = of(&spread).map(|d| d.interval[1] - d.interval[0]).unwrap();
+        assert!((width - 2.0 * 1.96 / 20.0).abs() < 0.01, "{width}");
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::config::{SimConfig, SimError};
 use crate::coverage::Surface;
+use crate::encode::EncodeConfig;
 use crate::motion::Agent;
 use crate::pose::{HEADINGS, Heading, LatticePose, Node};
 use crate::scene::Scene;
@@ -13,16 +14,16 @@ use glam::Vec3;
 use rand::RngExt as _;
 use rand::seq::IndexedRandom as _;
 use std::fmt;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// A scene with all that its episodes share. Built once, used by many threads.
 pub struct World {
-    scene: Scene,
-    surface: Surface,
+    scene: Arc<Scene>,
+    surface: Arc<Surface>,
     obstacles: ObstacleGrid,
-    sensor: Box<dyn Sensor>,
+    sensor: Arc<dyn Sensor>,
     config: SimConfig,
-    visibility: OnceLock<VisibilityCache>,
+    visibility: Arc<OnceLock<VisibilityCache>>,
 }
 
 impl World {
@@ -52,12 +53,29 @@ impl World {
             return Err(SimError::NoSurface { scene: scene.name().into(), low, high });
         }
         Ok(Self {
-            surface,
+            surface: Arc::new(surface),
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
-            sensor,
+            sensor: Arc::from(sensor),
             config,
-            visibility: OnceLock::new(),
-            scene,
+            visibility: Arc::default(),
+            scene: Arc::new(scene),
+        })
+    }
+
+    /// The same world for agents whose network sees it in another way; the rest, and what is computed of it, is shared.
+    ///
+    /// # Errors
+    /// When a setting is out of range.
+    pub fn with_encode(&self, encode: EncodeConfig) -> Result<Self, SimError> {
+        let config = SimConfig { encode, ..self.config.clone() };
+        config.validate()?;
+        Ok(Self {
+            scene: Arc::clone(&self.scene),
+            surface: Arc::clone(&self.surface),
+            obstacles: ObstacleGrid::draw(self.scene.walls(), encode.window),
+            sensor: Arc::clone(&self.sensor),
+            config,
+            visibility: Arc::clone(&self.visibility),
         })
     }
 
@@ -181,6 +199,24 @@ mod tests {
         episode.step(Action { direction: None, heading: Heading::new(1) });
         assert!(episode.reset_at(start(-1, 0), SeedTree::new(1)).is_err());
         assert_eq!(episode.steps(), 1, "it stays as it was");
+    }
+
+    #[test]
+    fn another_window_is_all_that_differs() {
+        let mut encode = EncodeConfig::default();
+        encode.window.pixels = 32;
+        let world = World::new(Scene::two_rooms(), &SimConfig::default()).unwrap();
+        let shared = world.with_encode(encode).unwrap();
+        let apart = World::new(Scene::two_rooms(), &SimConfig { encode, ..SimConfig::default() }).unwrap();
+        assert_eq!(shared.config(), apart.config());
+        let [first, second] = [shared, apart].map(|world| {
+            let mut episode = Episode::random(Arc::new(world), 3, SeedTree::new(1));
+            episode.step(Action { direction: None, heading: Heading::new(1) });
+            (episode.curve().to_vec(), episode.encode())
+        });
+        assert_eq!(first, second);
+        encode.window.pixels = 33;
+        assert!(world.with_encode(encode).unwrap_err().to_string().contains("encode.window.pixels"));
     }
 
     #[test]

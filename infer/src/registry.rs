@@ -1,5 +1,6 @@
 //! Every policy by its name: a new one is a file in `env/src/policy`, a variant and an arm here.
 
+use crate::checkpoint::Settings;
 use nbp_env::policy::fbe::{self, Fbe};
 use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
 use nbp_env::policy::oracle::OracleObstacles;
@@ -44,6 +45,13 @@ pub struct PolicyContext {
     pub nbp: NbpConfig,
     /// How far `oracle-beam` looks ahead.
     pub search: SearchConfig,
+}
+
+impl PolicyContext {
+    /// Of settings, with the network if there is one.
+    pub fn new(settings: &Settings, predictor: Option<Arc<dyn Predictor>>) -> Self {
+        Self { predictor, nbp: settings.policy, search: settings.search }
+    }
 }
 
 /// A policy that cannot be had.

@@ -85,6 +85,17 @@ impl Source {
         }
     }
 
+    /// Name of the map, or of the file or folder without its extension.
+    pub fn label(&self) -> String {
+        match self {
+            Self::Map { map, .. } => map.clone(),
+            Self::Mesh(path) => {
+                let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+                name.unwrap_or_default().to_string_lossy().into_owned()
+            }
+        }
+    }
+
     /// Name of the folder that the file or scene folder lies in.
     fn parent(&self) -> Option<String> {
         let (Self::Mesh(path) | Self::Map { wad: path, .. }) = self;
@@ -148,11 +159,31 @@ pub fn load_all(
     options: LoadOptions,
     on_scene: impl Fn(usize) + Sync,
 ) -> Result<Vec<Scene>, SourceError> {
+    load_found(&find_all(arguments)?, options, on_scene)
+}
+
+/// All scenes that arguments name, in order, each once; see [`find`].
+///
+/// # Errors
+/// When an argument names none.
+pub fn find_all(arguments: &[String]) -> Result<Vec<Source>, SourceError> {
     let mut sources = Vec::new();
     let mut known = BTreeSet::new();
     for argument in arguments {
         sources.extend(find(argument)?.into_iter().filter(|source| known.insert(source.clone())));
     }
+    Ok(sources)
+}
+
+/// Reads scenes. Those that share a name get that of their folder in front.
+///
+/// # Errors
+/// When a scene cannot be read.
+pub fn load_found(
+    sources: &[Source],
+    options: LoadOptions,
+    on_scene: impl Fn(usize) + Sync,
+) -> Result<Vec<Scene>, SourceError> {
     let total = sources.len();
     let load = |source: &Source| {
         let scene = source.load(options);
@@ -169,7 +200,7 @@ pub fn load_all(
         }
         _ => scene,
     };
-    Ok(scenes.into_iter().zip(&sources).map(named).collect())
+    Ok(scenes.into_iter().zip(sources).map(named).collect())
 }
 
 fn is(path: &Path, extension: &str) -> bool {

@@ -86,30 +86,49 @@ fn lines(rows: &[SummaryRow]) -> Vec<Vec<String>> {
         let auc = spread(row.auc_mean, row.auc_std);
         [row.policy.clone(), row.episodes.to_string(), coverage, auc, of_visible, percent, cm]
     };
-    let cells: Vec<[String; 7]> = rows.iter().map(cells).collect();
     let head = ["Policy", "Episodes", "Final Cov.", "AUC", "of visible", "Comp. %", "Comp. cm"].map(str::to_owned);
-    let is_shown = |column: usize| column < 4 || cells.iter().any(|line| !line[column].is_empty());
-    let shown = |line: &[String; 7]| (0..7).filter(|&column| is_shown(column)).map(|c| line[c].clone()).collect();
-    std::iter::once(&head).chain(&cells).map(shown).collect()
+    let cells = std::iter::once(head).chain(rows.iter().map(cells));
+    shown(cells.map(|line| line.to_vec()).collect())
+}
+
+/// A table, head first, without the columns in which only the head stands.
+pub(crate) fn shown(lines: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    let columns = lines.first().map_or(0, Vec::len);
+    let is_shown =
+        |&column: &usize| lines.iter().skip(1).any(|line| line.get(column).is_some_and(|cell| !cell.is_empty()));
+    let kept: Vec<usize> = (0..columns).filter(is_shown).collect();
+    lines.into_iter().map(|line| kept.iter().filter_map(|&column| line.get(column).cloned()).collect()).collect()
 }
 
 /// A Markdown table in the paper's columns.
 pub fn markdown(rows: &[SummaryRow]) -> String {
-    let lines = lines(rows);
-    let mut text: Vec<String> = lines.iter().map(|cells| format!("| {} |\n", cells.join(" | "))).collect();
-    text.insert(1, format!("|---|{}\n", "---:|".repeat(lines[0].len() - 1)));
-    text.concat()
+    markdown_of(&lines(rows))
 }
 
 /// The same for a terminal, in columns.
 pub fn text(rows: &[SummaryRow]) -> String {
-    let lines = lines(rows);
-    let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+    text_of(&lines(rows))
+}
+
+/// A table, head first, as Markdown; numbers to the right of the first column.
+pub(crate) fn markdown_of(lines: &[Vec<String>]) -> String {
+    let mut text: Vec<String> = lines.iter().map(|cells| format!("| {} |\n", cells.join(" | "))).collect();
+    text.insert(1, format!("|---|{}\n", "---:|".repeat(lines.first().map_or(0, Vec::len).saturating_sub(1))));
+    text.concat()
+}
+
+/// The same for a terminal.
+pub(crate) fn text_of(lines: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        lines.iter().filter_map(|line| line.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
     let mut out = String::new();
-    for line in &lines {
-        out += &format!("{:<1$}", line[0], width(0));
-        for (column, number) in line.iter().enumerate().skip(1) {
-            out += &format!("  {number:>0$}", width(column));
+    for line in lines {
+        for (column, cell) in line.iter().enumerate() {
+            match column {
+                0 => out += &format!("{cell:<0$}", width(0)),
+                _ => out += &format!("  {cell:>0$}", width(column)),
+            }
         }
         out.push('\n');
     }

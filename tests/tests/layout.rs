@@ -40,8 +40,17 @@ fn configurations(folder: PathBuf) -> Vec<PathBuf> {
 #[test]
 fn every_configuration_is_valid() {
     let all = configurations(root().join("configs"));
-    assert!(all.len() >= 7, "{all:?}");
-    for path in all {
+    let (bench, training): (Vec<_>, Vec<_>) =
+        all.into_iter().partition(|path| path.starts_with(root().join("configs/bench")));
+    assert!(training.len() >= 7 && bench.len() >= 3, "{training:?} {bench:?}");
+    // Data sets alone are no bench: they are laid over the rows.
+    let rows = std::fs::read_to_string(root().join("configs/bench/aimdoom.toml")).unwrap();
+    for path in bench {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let config = nbp_infer::bench::config::BenchConfig::parse(&[&rows, &text]);
+        assert!(config.is_ok(), "{}: {}", path.display(), config.unwrap_err());
+    }
+    for path in training {
         let toml = succeed("train", &["--config", path.to_str().unwrap(), "--print-config"]);
         let again: nbp_train::config::Config = toml_of(&toml);
         again.validate().unwrap();

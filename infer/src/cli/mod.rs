@@ -1,5 +1,6 @@
 //! The command line: one file for each command, what they share in `setup`, `output` and `talk`.
 
+mod bench;
 mod eval;
 mod export;
 mod import;
@@ -22,6 +23,8 @@ Examples:
   cargo run -p infer -- rollout --scene maps/normal/3001 --policy fbe --steps 200 --out out/fbe
   cargo run -p infer -- rollout --scene DOOM2.WAD:MAP01 --policy nbp --checkpoint runs/quickstart/checkpoints/best --out out/map01
   cargo run -p infer -- eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/quickstart/checkpoints/best --out out/eval
+  cargo run -p infer -- bench --config configs/bench/aimdoom.toml --out out/bench
+  cargo run -p infer -- bench --config configs/bench/aimdoom.toml --data simple=maps/mine --shard 1/2 --out out/mine
   cargo run -p infer -- speed --scenes maps/simple --threads 2 --json
   cargo run -p infer -- eval --config configs/continuous/matterport.toml --scenes maps/simple --out out/continuous
   cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
@@ -65,6 +68,8 @@ enum Command {
     Rollout(rollout::Args),
     /// Compare policies over scenes and starts
     Eval(eval::Args),
+    /// Compare rows of policies, networks and settings on data sets: resumable, in shards
+    Bench(bench::Args),
     /// Run the network on tensors, for comparison with other frameworks
     Predict(predict::Args),
     /// Measure how fast the simulator is in scenes of your own
@@ -82,6 +87,7 @@ pub(crate) fn main() -> ExitCode {
     let result = threads(usize::from(common.threads.unwrap_or(0))).and_then(|()| match command {
         Command::Rollout(args) => rollout::run(&args, common.device, talk),
         Command::Eval(args) => eval::run(&args, common.device, talk),
+        Command::Bench(args) => bench::run(&args, common.device, talk),
         Command::Speed(args) => speed::run(&args, common.threads.map(usize::from), talk),
         Command::Predict(args) => predict::run(&args, common.device, talk),
         Command::Import(args) => import::run(&args, talk),

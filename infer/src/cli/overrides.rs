@@ -40,16 +40,45 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
         tree = spelt_out(tree).with_context(|| format!("the configuration {name}"))?;
     }
     for text in overrides {
-        let Some((key, value)) = text.split_once('=') else {
-            bail!("--set {text}: write it as KEY=VALUE, for example sim.keep=0.1");
-        };
-        let at = find(&mut tree, key.trim())?;
-        *at = serde_json::from_str(value.trim()).unwrap_or_else(|_| Value::String(value.trim().to_owned()));
-        tree = spelt_out(tree).with_context(|| format!("--set {text}"))?;
+        tree = set(tree, text, "--set")?;
     }
     let settings: Settings = serde_json::from_value(tree)?;
     settings.sim.validate()?;
     Ok((settings, serde_json::from_value(Value::Object(eval)).context("[eval] of the configuration")?))
+}
+
+/// Settings with assignments `KEY=VALUE` of a row of a bench.
+pub(super) fn assign(settings: &Settings, assignments: &[String]) -> Result<Settings> {
+    let tree = serde_json::to_value(settings)?;
+    let tree = assignments.iter().try_fold(tree, |tree, text| set(tree, text, "set"))?;
+    let settings: Settings = serde_json::from_value(tree)?;
+    settings.sim.validate()?;
+    Ok(settings)
+}
+
+fn set(mut tree: Value, text: &str, what: &str) -> Result<Value> {
+    let Some((key, value)) = text.split_once('=') else {
+        bail!("{what} {text}: write it as KEY=VALUE, for example sim.keep=0.1");
+    };
+    let at = find(&mut tree, key.trim(), what)?;
+    *at = serde_json::from_str(value.trim()).unwrap_or_else(|_| Value::String(value.trim().to_owned()));
+    spelt_out(tree).with_context(|| format!("{what} {text}"))
+}
+
+/// A table of a configuration as assignments below `key`; a table that says which kind or rule it is stays whole.
+pub(super) fn assignments(key: &str, value: &toml::Value) -> Result<Vec<String>> {
+    if let Some(key) = not_finite(key, value) {
+        bail!("{key} must be a finite number");
+    }
+    match value {
+        toml::Value::Table(table) if !table.contains_key("kind") && !table.contains_key("rule") => {
+            let below = |(name, value): (&String, &toml::Value)| {
+                assignments(&if key.is_empty() { name.clone() } else { format!("{key}.{name}") }, value)
+            };
+            Ok(table.iter().map(below).collect::<Result<Vec<_>>>()?.concat())
+        }
+        value => Ok(vec![format!("{key}={}", serde_json::to_value(value)?)]),
+    }
 }
 
 /// The same settings with every default written down, so that the next override finds its key.
@@ -93,14 +122,14 @@ fn merge(base: &mut Value, over: Value) {
     }
 }
 
-fn find<'a>(tree: &'a mut Value, key: &str) -> Result<&'a mut Value> {
+fn find<'a>(tree: &'a mut Value, key: &str, what: &str) -> Result<&'a mut Value> {
     let mut at = tree;
     for part in key.split('.') {
         let known = at.as_object().map(|map| map.keys().cloned().collect::<Vec<_>>().join(", "));
         match at.get_mut(part) {
             Some(next) => at = next,
             None => {
-                bail!("--set {key}: there is no {part} here, only {}", known.unwrap_or_else(|| "a plain value".into()))
+                bail!("{what} {key}: there is no {part} here, only {}", known.unwrap_or_else(|| "a plain value".into()))
             }
         }
     }

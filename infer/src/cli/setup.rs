@@ -9,7 +9,7 @@ use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
 use nbp_model::weights::WEIGHTS_FILE;
 use nbp_model::{CheckpointConfig, DeviceChoice};
 use rayon::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Options of the commands that run episodes.
@@ -108,30 +108,40 @@ impl Args {
         if let Some(trained) = &trained {
             checkpoint::check(trained, &settings.sim)?;
         }
-        let mut context = PolicyContext { nbp: settings.policy, ..PolicyContext::default() };
+        let mut context = PolicyContext::new(&settings, None);
         if let (Some(path), true) = (&self.checkpoint, needy.is_some()) {
-            let loaded = checkpoint::load(path, device).context("cannot use the checkpoint")?;
-            let (net, window) = (loaded.config.net, loaded.config.window);
-            talk.say(format!(
-                "network: {:.1} million parameters, window {} pixels over {} m, on {}",
-                net.parameters() as f64 / 1e6,
-                window.pixels,
-                window.metres,
-                loaded.device
-            ));
-            let value: Arc<dyn Predictor> = Arc::new(loaded.predictor.with_chunk(batch));
-            context.predictor = Some(match &self.obstacle_checkpoint {
-                None => value,
-                Some(path) => {
-                    let obstacle = checkpoint::load(path, device).context("cannot use the obstacle checkpoint")?;
-                    checkpoint::check(&obstacle.config, &settings.sim)?;
-                    Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) })
-                }
-            });
+            let obstacle = self.obstacle_checkpoint.as_deref();
+            context.predictor = Some(network(path, obstacle, &settings, device, batch, talk)?);
         }
         talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
         Ok(Setup { settings, context, steps })
     }
+}
+
+/// The network of a checkpoint, which answers `batch` inputs at once; the obstacle map is that of the second one, if there is
+/// one.
+pub(super) fn network(
+    path: &Path,
+    obstacle: Option<&Path>,
+    settings: &Settings,
+    device: DeviceChoice,
+    batch: usize,
+    talk: Talk,
+) -> Result<Arc<dyn Predictor>> {
+    let loaded = checkpoint::load(path, device).context("cannot use the checkpoint")?;
+    let (net, window) = (loaded.config.net, loaded.config.window);
+    talk.say(format!(
+        "network: {:.1} million parameters, window {} pixels over {} m, on {}",
+        net.parameters() as f64 / 1e6,
+        window.pixels,
+        window.metres,
+        loaded.device
+    ));
+    let value: Arc<dyn Predictor> = Arc::new(loaded.predictor.with_chunk(batch));
+    let Some(path) = obstacle else { return Ok(value) };
+    let obstacle = checkpoint::load(path, device).context("cannot use the obstacle checkpoint")?;
+    checkpoint::check(&obstacle.config, &settings.sim)?;
+    Ok(Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) }))
 }
 
 /// Scenes ready for episodes.

@@ -1,0 +1,272 @@
+//! From rows and scenes to what is to be computed, and what of it is there already.
+
+use super::store::{BenchError, FileKey, Found, Manifest, Published, RowInfo, ScenePlan, SetPlan};
+use crate::checkpoint::{Settings, plain};
+use crate::journal::{hash, of_scene};
+use crate::registry::PolicyKind;
+use nbp_env::encode::EncodeConfig;
+use nbp_env::{Scene, SimConfig};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A row of the tables, settings resolved.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// In tables.
+    pub name: String,
+    /// Kind of policy.
+    pub kind: PolicyKind,
+    /// Episodes from each start.
+    pub seeds: usize,
+    /// All settings.
+    pub settings: Settings,
+    /// Where its network is from, as given, and the bytes of its file.
+    pub network: Option<(PathBuf, Vec<u8>)>,
+}
+
+/// A data set, scenes read.
+#[derive(Debug)]
+pub struct DataSet {
+    /// In tables.
+    pub name: String,
+    /// Steps of an episode.
+    pub steps: usize,
+    /// Published figures.
+    pub paper: BTreeMap<String, Published>,
+    /// Its scenes.
+    pub scenes: Vec<Scene>,
+}
+
+/// What holds for a whole bench.
+#[derive(Clone, Debug)]
+pub struct Terms {
+    /// Starts of each scene, at most.
+    pub starts: usize,
+    /// First of the seeds.
+    pub seed: u64,
+    /// Row that others are compared with.
+    pub reference: String,
+    /// Whether to measure what can be seen.
+    pub visible: bool,
+    /// Whether to count as the released code does, besides.
+    pub released: bool,
+}
+
+/// Rows that cannot be compared, or nothing to compare them on.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// Not the same task.
+    #[error(
+        "rows {first} and {second} are not compared on equal terms: {key} is {first_value} and {second_value}; set it for all \
+         of them under [sim] of the bench's configuration"
+    )]
+    Unequal {
+        /// A row.
+        first: String,
+        /// Another row.
+        second: String,
+        /// Setting of the simulator.
+        key: String,
+        /// That of the first.
+        first_value: String,
+        /// That of the second.
+        second_value: String,
+    },
+    /// Names are how episodes are told apart.
+    #[error("data set {set}: two scenes are called {scene}: give each its own name")]
+    SameName {
+        /// Data set.
+        set: String,
+        /// Scene.
+        scene: String,
+    },
+    /// Nowhere to start from.
+    #[error("data set {set}: scene {scene} has no start poses")]
+    NoStarts {
+        /// Data set.
+        set: String,
+        /// Scene.
+        scene: String,
+    },
+    /// Nothing at all.
+    #[error("data set {0} has no scenes")]
+    NoScenes(String),
+    /// A setting that JSON cannot hold.
+    #[error("a setting has no JSON form: {0}")]
+    Json(#[from] serde_json::Error),
+}
+
+/// The simulator of a row without what its network alone looks at.
+fn terms_of(sim: &SimConfig) -> SimConfig {
+    SimConfig { encode: EncodeConfig::default(), ..sim.clone() }
+}
+
+/// Whether all rows face the same task; what their networks see of the agent's map may differ.
+///
+/// # Errors
+/// Naming two rows and the setting that differs.
+pub fn check_equal_terms(rows: &[Row]) -> Result<(), PlanError> {
+    let Some(first) = rows.first() else { return Ok(()) };
+    let ours = plain(&terms_of(&first.settings.sim))?;
+    for row in rows {
+        if let Some((key, ours, theirs)) = difference("sim", &ours, &plain(&terms_of(&row.settings.sim))?) {
+            return Err(PlanError::Unequal {
+                first: first.name.clone(),
+                second: row.name.clone(),
+                key,
+                first_value: ours.to_string(),
+                second_value: theirs.to_string(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn difference(key: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
+    match (a, b) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys());
+            let of = |map: &serde_json::Map<String, Value>, name: &str| map.get(name).cloned().unwrap_or_default();
+            keys.into_iter().find_map(|name| difference(&format!("{key}.{name}"), &of(a, name), &of(b, name)))
+        }
+        _ => (a != b).then(|| (key.to_owned(), a.clone(), b.clone())),
+    }
+}
+
+impl Manifest {
+    /// What a bench has to compute, everything that each part depends on in its fingerprint.
+    ///
+    /// # Errors
+    /// When rows are not comparable, or there is nothing to compare them on.
+    pub fn new(terms: &Terms, rows: &[Row], sets: &[DataSet]) -> Result<Self, PlanError> {
+        check_equal_terms(rows)?;
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        let print = |text: String| format!("{:016x}", hash(text.as_bytes()));
+        let infos = rows.iter().map(|row| {
+            Ok(RowInfo {
+                name: row.name.clone(),
+                policy: row.kind,
+                checkpoint: row.network.as_ref().map(|(path, _)| path.display().to_string()),
+                seeds: row.seeds,
+                settings: plain(&row.settings)?,
+            })
+        });
+        let infos: Vec<RowInfo> = infos.collect::<Result<_, PlanError>>()?;
+        let weights: Vec<u64> =
+            rows.iter().map(|row| row.network.as_ref().map_or(0, |(_, bytes)| hash(bytes))).collect();
+        let Terms { starts, seed, visible, released, .. } = *terms;
+        let scene_plan = |set: &DataSet, scene: &Scene| {
+            let of_scene = of_scene(scene);
+            let starts = scene.starts().len().min(starts);
+            let cell = |(row, weights): (&RowInfo, &u64)| {
+                let RowInfo { name, policy, seeds, settings, .. } = row;
+                let trial = format!("{starts} {} {seed} {seeds} {released}", set.steps);
+                print(format!("{version} {of_scene:016x} {trial} {name} {policy} {weights:016x} {settings}"))
+            };
+            let sim = rows.first().map(|row| terms_of(&row.settings.sim));
+            ScenePlan {
+                name: scene.name().to_owned(),
+                starts,
+                fingerprint: print(format!("{version} {of_scene:016x} {sim:?} {visible}")),
+                cells: infos.iter().zip(&weights).map(cell).collect(),
+            }
+        };
+        let set_plan = |set: &DataSet| {
+            check_scenes(set)?;
+            let scenes = set.scenes.iter().map(|scene| scene_plan(set, scene)).collect();
+            Ok(SetPlan { name: set.name.clone(), steps: set.steps, paper: set.paper.clone(), scenes })
+        };
+        let sets = sets.iter().map(set_plan).collect::<Result<Vec<_>, PlanError>>()?;
+        Ok(Self { version, starts, seed, reference: terms.reference.clone(), rows: infos, sets })
+    }
+
+    /// What another bench, in the same folder before, had and this one would lose: its tables would be smaller.
+    pub fn lacks(&self, old: &Self) -> Option<String> {
+        let fewer = |what: &str, new: usize, old: usize| (new < old).then(|| format!("{old} {what}, not {new}"));
+        let rows = old.rows.iter().find_map(|row| match self.rows.iter().find(|new| new.name == row.name) {
+            None => Some(format!("row {}", row.name)),
+            Some(new) => fewer(&format!("seeds of row {}", row.name), new.seeds, row.seeds),
+        });
+        let sets = || {
+            old.sets.iter().find_map(|set| {
+                let Some(new) = self.sets.iter().find(|new| new.name == set.name) else {
+                    return Some(format!("data set {}", set.name));
+                };
+                let lost = set.scenes.iter().find(|scene| !new.scenes.iter().any(|new| new.name == scene.name));
+                let lost = lost.map(|scene| format!("scene {} of data set {}", scene.name, set.name));
+                lost.or_else(|| fewer(&format!("steps on data set {}", set.name), new.steps, set.steps))
+            })
+        };
+        rows.or_else(sets).or_else(|| fewer("starts", self.starts, old.starts))
+    }
+
+    /// The files that shard `shard` of `shards` (from 0) has to see to. Neighbours in both scenes and rows go to different
+    /// shards, so that each gets its share of large scenes and of slow rows.
+    pub fn shard(&self, shard: usize, shards: usize) -> Vec<FileKey> {
+        let mut scenes = Vec::new();
+        let mut number = |key: &FileKey| {
+            if scenes.last() != Some(&(key.set, key.scene)) {
+                scenes.push((key.set, key.scene));
+            }
+            scenes.len() + key.row.map_or(0, |row| row + 1)
+        };
+        self.files().into_iter().filter(|key| number(key) % shards.max(1) == shard).collect()
+    }
+}
+
+fn check_scenes(set: &DataSet) -> Result<(), PlanError> {
+    if set.scenes.is_empty() {
+        return Err(PlanError::NoScenes(set.name.clone()));
+    }
+    if let Some(scene) = set.scenes.iter().find(|scene| scene.starts().is_empty()) {
+        return Err(PlanError::NoStarts { set: set.name.clone(), scene: scene.name().to_owned() });
+    }
+    let mut names = BTreeSet::new();
+    match set.scenes.iter().find(|scene| !names.insert(scene.name().to_lowercase())) {
+        Some(twin) => Err(PlanError::SameName { set: set.name.clone(), scene: twin.name().to_owned() }),
+        None => Ok(()),
+    }
+}
+
+/// What is there of some files.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Survey {
+    /// Still to be computed.
+    pub open: Vec<FileKey>,
+    /// Among them, files of other settings.
+    pub other: Vec<PathBuf>,
+    /// Among them, files that are damaged.
+    pub damaged: Vec<PathBuf>,
+}
+
+/// Looks at files of a bench in a folder.
+///
+/// # Errors
+/// When one is there and cannot be read.
+pub fn survey(folder: &Path, manifest: &Manifest, files: &[FileKey]) -> Result<Survey, BenchError> {
+    let mut survey = Survey::default();
+    for &key in files {
+        let found = match key.row {
+            None => kind_of(manifest.read_scene(folder, key)?),
+            Some(_) => kind_of(manifest.read_cell(folder, key)?),
+        };
+        match found {
+            Found::Good(()) => continue,
+            Found::Missing => (),
+            Found::Other => survey.other.push(manifest.path(key)),
+            Found::Damaged => survey.damaged.push(manifest.path(key)),
+        }
+        survey.open.push(key);
+    }
+    Ok(survey)
+}
+
+fn kind_of<T>(found: Found<T>) -> Found<()> {
+    match found {
+        Found::Good(_) => Found::Good(()),
+        Found::Missing => Found::Missing,
+        Found::Damaged => Found::Damaged,
+        Found::Other => Found::Other,
+    }
+}

@@ -1,0 +1,362 @@
+//! `infer bench`: rows of policies on data sets, resumable and in shards.
+
+use super::output::Output;
+use super::overrides;
+use super::setup;
+use super::talk::Talk;
+use anyhow::{Context, Result, bail};
+use nbp_dataset::SceneBundle;
+use nbp_env::explain::show;
+use nbp_env::scene::LoadOptions;
+use nbp_env::{Predictor, Scene, parallel};
+use nbp_infer::bench::config::{BenchConfig, Choices, DataConfig, Origin, RowConfig};
+use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
+use nbp_infer::bench::run::{self, Measures, Runner};
+use nbp_infer::bench::store::{self, BenchError, FileKey};
+use nbp_infer::bench::{BenchResult, Manifest, tables};
+use nbp_infer::{Settings, checkpoint, source};
+use nbp_model::DeviceChoice;
+use nbp_model::weights::WEIGHTS_FILE;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  infer bench --config configs/bench/aimdoom.toml --out out/bench
+  infer bench --config configs/bench/aimdoom.toml --out out/quick --policies random,fbe --sets simple --starts 1
+  infer bench --config configs/bench/aimdoom.toml --config configs/bench/obsidian.toml --maps maps --out out/obsidian
+  infer bench --config configs/bench/aimdoom.toml --checkpoint nbp=runs/mine/checkpoints/best --out out/mine
+  infer bench --config configs/bench/aimdoom.toml --data simple=maps/a,maps/b --out out/mine
+  infer bench --config configs/bench/aimdoom.toml --out out/bench --shard 1/2
+  infer bench --config configs/bench/aimdoom.toml --out out/bench --shard 2/2
+  infer bench --merge --out out/bench
+
+OUT/cells has one file for each row in each scene of each data set, written as its last episode ends. The same command goes on
+where it stopped: what was computed with other settings, scenes, weights or programs is computed again, and so is what is
+damaged. Shards may run at the same time, on one machine or on several that share OUT. Whoever computes the last cell writes
+summary.md, summary.json, episodes.csv, curves.csv, coverage-SET.svg, whose bytes are the same in every order, and timing.csv.";
+
+/// Options of `infer bench`.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// What is compared on what (TOML), as in configs/bench; later files replace what they name in earlier ones
+    #[arg(long, value_name = "FILE", required_unless_present = "merge")]
+    config: Vec<PathBuf>,
+    /// Folder of the bench; a second call goes on where the first stopped
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Scenes of a data set, in place of the configuration's or as a further set: folders, OBJ files, WADs, FILE.wad:MAP01
+    #[arg(long, value_name = "NAME=PATH,…", value_parser = named_paths)]
+    data: Vec<(String, Vec<String>)>,
+    /// Only these data sets
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    sets: Vec<String>,
+    /// Folder that the relative paths of data sets start from, in place of the configuration's
+    #[arg(long, value_name = "DIR")]
+    maps: Option<PathBuf>,
+    /// Only these rows
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    policies: Vec<String>,
+    /// Row that the others are compared with
+    #[arg(long, value_name = "NAME")]
+    reference: Option<String>,
+    /// Checkpoint of a row, or of all rows that ask a network
+    #[arg(long, value_name = "[ROW=]DIR", value_parser = maybe_named::<PathBuf>)]
+    checkpoint: Vec<(Option<String>, PathBuf)>,
+    /// Steps of an episode, on one data set or on all
+    #[arg(long, value_name = "[NAME=]N", value_parser = maybe_named::<usize>)]
+    steps: Vec<(Option<String>, usize)>,
+    /// Episodes from each start, for all rows
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    seeds: Option<u16>,
+    /// The first of the seeds
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Only the first so many starts of each scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    starts: Option<u16>,
+    /// Only this part of the work, from 1/N to N/N
+    #[arg(long, value_name = "I/N", conflicts_with = "merge")]
+    shard: Option<Shard>,
+    /// Compute nothing: write the tables of what all shards have computed
+    #[arg(long)]
+    merge: bool,
+}
+
+/// One part of the work, from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Shard {
+    number: usize,
+    count: usize,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parse = || {
+            let (number, count) = text.split_once('/')?;
+            Some((number.parse::<usize>().ok()?, count.parse::<usize>().ok()?))
+        };
+        match parse() {
+            Some((number, count)) if (1..=count).contains(&number) => Ok(Self { number: number - 1, count }),
+            _ => Err("write it as I/N with I from 1 to N, for example 1/2".into()),
+        }
+    }
+}
+
+fn named_paths(text: &str) -> Result<(String, Vec<String>), String> {
+    match text.split_once('=') {
+        Some((name, paths)) if !name.is_empty() && !paths.is_empty() => {
+            Ok((name.to_owned(), paths.split(',').filter(|path| !path.is_empty()).map(str::to_owned).collect()))
+        }
+        _ => Err("write it as NAME=PATH or NAME=PATH,PATH".into()),
+    }
+}
+
+fn maybe_named<T: FromStr>(text: &str) -> Result<(Option<String>, T), String>
+where
+    T::Err: std::fmt::Display,
+{
+    let (name, value) = text.split_once('=').map_or((None, text), |(name, value)| (Some(name.to_owned()), value));
+    value.parse().map(|value| (name, value)).map_err(|error: T::Err| error.to_string())
+}
+
+pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
+    let out = Output::prepare(&args.out)?;
+    if args.config.is_empty() {
+        return publish(&out, talk);
+    }
+    let names: Vec<String> = args.config.iter().map(|path| path.display().to_string()).collect();
+    let read =
+        |name: &String| std::fs::read_to_string(name).with_context(|| format!("cannot read the configuration {name}"));
+    let texts = names.iter().map(read).collect::<Result<Vec<String>>>()?;
+    let config = BenchConfig::parse(&texts).and_then(|config| config.choose(&args.choices()));
+    let config = config.with_context(|| format!("the configuration {}", names.join(" and ")))?;
+    let rows: Vec<Row> = config.policies.iter().map(|row| resolve(row, &config.sim)).collect::<Result<_>>()?;
+    plan::check_equal_terms(&rows)?;
+    let sets = load(&config, talk)?;
+    let terms = Terms {
+        starts: config.starts,
+        seed: config.seed,
+        reference: config.reference.clone(),
+        visible: config.visible,
+        released: config.released,
+    };
+    let manifest = Manifest::new(&terms, &rows, &sets)?;
+    settle(&out, &manifest, args.merge, talk)?;
+    if args.merge {
+        return publish(&out, talk);
+    }
+    let Shard { number, count } = args.shard.unwrap_or(Shard { number: 0, count: 1 });
+    let mine = manifest.shard(number, count);
+    let survey = plan::survey(out.folder(), &manifest, &mine)?;
+    tell_survey(&survey, mine.len(), talk);
+    compute(&out, &manifest, &rows, sets, &terms, &survey.open, device, talk)?;
+    let left = plan::survey(out.folder(), &manifest, &manifest.files())?.open;
+    if left.is_empty() {
+        return publish(&out, talk);
+    }
+    let cells = |keys: &[FileKey]| keys.iter().filter(|key| key.row.is_some()).count();
+    let all = cells(&manifest.files());
+    show(format_args!(
+        "{} of {all} cells done: run the other shards; whoever computes the last cell writes the tables",
+        all - cells(&left)
+    ))?;
+    Ok(())
+}
+
+impl Args {
+    fn choices(&self) -> Choices {
+        Choices {
+            data: self.data.clone(),
+            sets: self.sets.clone(),
+            policies: self.policies.clone(),
+            checkpoints: self.checkpoint.clone(),
+            reference: self.reference.clone(),
+            maps: self.maps.clone(),
+            steps: self.steps.clone(),
+            seeds: self.seeds.map(usize::from),
+            starts: self.starts.map(usize::from),
+            seed: self.seed,
+        }
+    }
+}
+
+/// A row's settings: its checkpoint's, the bench's simulator over them, its own on top.
+fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
+    let resolve = || {
+        let kind = row.kind()?;
+        let (mut settings, mut trained, mut network) = (Settings::default(), None, None);
+        match &row.checkpoint {
+            Some(_) if !kind.needs_network() => bail!("policy {kind} asks no network: leave the checkpoint out"),
+            None if kind.needs_network() => {
+                bail!("policy {kind} needs a network: give its checkpoint (--checkpoint {}=DIR)", row.name)
+            }
+            None => (),
+            Some(path) => {
+                let (config, trained_with) = checkpoint::read(path).context("cannot use the checkpoint")?;
+                let file = checkpoint::folder(path)?.join(WEIGHTS_FILE);
+                let bytes = std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+                (settings, trained, network) = (trained_with, Some(config), Some((path.clone(), bytes)));
+            }
+        }
+        for (key, table) in [("sim", sim), ("", &row.set)] {
+            settings = overrides::assign(&settings, &overrides::assignments(key, &toml::Value::Table(table.clone()))?)?;
+        }
+        settings.policy.validate().context("policy")?;
+        if let Some(trained) = &trained {
+            checkpoint::check(trained, &settings.sim)?;
+        }
+        Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, network })
+    };
+    resolve().with_context(|| format!("row {}", row.name))
+}
+
+/// The scenes of all data sets.
+fn load(config: &BenchConfig, talk: Talk) -> Result<Vec<DataSet>> {
+    let origins = config.data.iter().map(|set| Ok(set.origin(&config.maps)?)).collect::<Result<Vec<_>>>()?;
+    let count = |origin: &Origin| match origin {
+        Origin::Generated(_, seeds) => seeds.len(),
+        Origin::Found(sources) => sources.len(),
+    };
+    let total = origins.iter().map(count).sum();
+    let (bar, done) = (talk.bar(total, "scenes"), AtomicUsize::new(0));
+    let on_scene = || bar.set(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+    let set = |(set, origin): (&DataConfig, &Origin)| -> Result<DataSet> {
+        let scenes = scenes(origin, on_scene).with_context(|| format!("data set {}", set.name))?;
+        Ok(DataSet { name: set.name.clone(), steps: set.steps, paper: set.paper.clone(), scenes })
+    };
+    let sets = config.data.iter().zip(&origins).map(set).collect::<Result<Vec<_>>>()?;
+    bar.finish();
+    for note in sets.iter().flat_map(|set| &set.scenes).flat_map(Scene::notes) {
+        talk.say(format!("note: {note}"));
+    }
+    Ok(sets)
+}
+
+fn scenes(origin: &Origin, on_scene: impl Fn() + Sync) -> Result<Vec<Scene>> {
+    match origin {
+        Origin::Found(sources) => Ok(source::load_found(sources, LoadOptions::default(), |_| on_scene())?),
+        Origin::Generated(level, seeds) => parallel::try_map(seeds, |&seed| {
+            let made = nbp_dataset::generate(*level, seed)?;
+            let scene = nbp_dataset::to_scene(SceneBundle { mesh: made.scene.mesh.bare(), ..made.scene })?;
+            on_scene();
+            Ok(scene)
+        }),
+    }
+}
+
+/// Leaves `bench.json`, unless the folder has a bench that this one would make smaller.
+fn settle(out: &Output, manifest: &Manifest, is_merge: bool, talk: Talk) -> Result<()> {
+    let folder = out.folder().display();
+    let old = match Manifest::read(out.folder()) {
+        Err(BenchError::None(_)) if !is_merge => None,
+        old => Some(old?),
+    };
+    // Where a network is from does not matter, its bytes do.
+    let nameless = |manifest: &Manifest| {
+        let mut manifest = manifest.clone();
+        manifest.rows.iter_mut().for_each(|row| row.checkpoint = None);
+        manifest
+    };
+    let Some(old) = old else { return Ok(manifest.write(out.folder())?) };
+    if nameless(&old) == nameless(manifest) {
+        return Ok(());
+    }
+    if is_merge {
+        bail!("{folder} was computed with another configuration: give the one that it was computed with, or none");
+    }
+    if let Some(lost) = manifest.lacks(&old) {
+        bail!(
+            "{folder} holds a bench with {lost}, and this one would make its tables smaller: name another folder, or remove \
+             {folder}/{} to begin anew with the cells that fit",
+            store::MANIFEST
+        );
+    }
+    talk.say(format!(
+        "{folder} holds another bench: its cells are kept where they fit, its tables are removed until all is there"
+    ));
+    for name in
+        tables::FILES.map(str::to_owned).into_iter().chain(old.sets.iter().map(|set| tables::plot_name(&set.name)))
+    {
+        let path = out.folder().join(name);
+        if path.exists() {
+            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
+    Ok(manifest.write(out.folder())?)
+}
+
+fn tell_survey(survey: &Survey, total: usize, talk: Talk) {
+    let done = total - survey.open.len();
+    if done > 0 {
+        talk.say(format!("{done} of {total} files are there"));
+    }
+    for (files, why) in [(&survey.other, "of other settings, scenes or networks"), (&survey.damaged, "damaged")] {
+        if let Some(first) = files.first() {
+            let and = if files.len() > 1 { ", …" } else { "" };
+            talk.say(format!("{} files are {why} and computed again: {}{and}", files.len(), first.display()));
+        }
+    }
+}
+
+/// Computes what is open.
+#[allow(clippy::too_many_arguments)] // all of the above, once
+fn compute(
+    out: &Output,
+    manifest: &Manifest,
+    rows: &[Row],
+    sets: Vec<DataSet>,
+    terms: &Terms,
+    open: &[FileKey],
+    device: DeviceChoice,
+    talk: Talk,
+) -> Result<()> {
+    let mut networks: BTreeMap<&Path, Arc<dyn Predictor>> = BTreeMap::new();
+    let mut runners = Vec::new();
+    for (number, row) in rows.iter().enumerate() {
+        let is_open = open.iter().any(|key| key.row == Some(number));
+        let network = match &row.network {
+            Some((path, _)) if is_open => match networks.get(path.as_path()) {
+                Some(network) => Some(Arc::clone(network)),
+                None => {
+                    let network = setup::network(path, device, 1, talk).with_context(|| format!("row {}", row.name))?;
+                    networks.insert(path, Arc::clone(&network));
+                    Some(network)
+                }
+            },
+            _ => None,
+        };
+        runners.push(Runner::new(row, network));
+    }
+    let needed: BTreeSet<(usize, usize)> = open.iter().map(|key| (key.set, key.scene)).collect();
+    let numbered = sets.into_iter().enumerate().flat_map(|(number, set)| {
+        set.scenes.into_iter().enumerate().map(move |(scene, found)| ((number, scene), found))
+    });
+    let scenes = numbered.filter(|(place, _)| needed.contains(place)).collect();
+    let total = open.iter().map(|&key| manifest.trials(key).len() * manifest.steps_of(key)).sum();
+    let (bar, done) = (talk.bar(total, "steps"), AtomicUsize::new(0));
+    let on_steps = |steps| bar.set(done.fetch_add(steps, Ordering::Relaxed) + steps, total);
+    let measures = Measures { visible: terms.visible, released: terms.released };
+    let finished = run::run(out.folder(), manifest, scenes, &runners, measures, open, on_steps);
+    bar.finish();
+    Ok(finished?)
+}
+
+/// Shows and writes the tables of a complete bench.
+fn publish(out: &Output, talk: Talk) -> Result<()> {
+    let made = tables::tables(&BenchResult::load(out.folder())?)?;
+    // First to the terminal: there it is safe whatever the disk says.
+    let shown = show(format_args!("{}\n{}", made.text, made.times.trim_end()));
+    for (name, content) in &made.files {
+        out.write(name, content)?;
+    }
+    let names: Vec<&str> = made.files.iter().map(|(name, _)| name.as_str()).collect();
+    talk.say(format!("wrote {} to {}", names.join(", "), out.folder().display()));
+    Ok(shown?)
+}
