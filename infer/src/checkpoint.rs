@@ -6,6 +6,7 @@
 use nbp_env::SimConfig;
 use nbp_env::encode::Trajectory;
 use nbp_env::policy::nbp::NbpConfig;
+use nbp_env::policy::search::SearchConfig;
 use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
 use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor, device_name};
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,8 @@ pub struct Settings {
     pub sim: SimConfig,
     /// How value and obstacle maps become paths.
     pub policy: NbpConfig,
+    /// How far `oracle-beam` looks ahead.
+    pub search: SearchConfig,
 }
 
 /// A checkpoint in use.

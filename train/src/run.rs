@@ -287,7 +287,7 @@ impl Session {
 /// When a setting has no JSON form.
 pub fn describe(config: &Config) -> Result<CheckpointConfig, serde_json::Error> {
     let mut describe = CheckpointConfig::new(config.net_config(), config.sim.encode.window);
-    let settings = Settings { sim: config.sim.clone(), policy: config.policy };
+    let settings = Settings { sim: config.sim.clone(), policy: config.policy, ..Settings::default() };
     remember(&mut describe, &settings)?;
     Ok(describe)
 }

@@ -92,6 +92,8 @@ pub struct RowConfig {
     pub policy: Option<String>,
     /// Checkpoint folder, for policies that ask a network. Its settings hold for the row.
     pub checkpoint: Option<PathBuf>,
+    /// Take the obstacle map from another checkpoint: networks that learnt one task each.
+    pub obstacle_checkpoint: Option<PathBuf>,
     /// Episodes from each start, each with a seed of its own: 5 for policies that draw by chance.
     pub seeds: usize,
     /// Settings on top of the checkpoint's, as `"policy.obstacle_threshold" = 0.13`.
@@ -100,7 +102,14 @@ pub struct RowConfig {
 
 impl Default for RowConfig {
     fn default() -> Self {
-        Self { name: String::new(), policy: None, checkpoint: None, seeds: 1, set: toml::Table::new() }
+        Self {
+            name: String::new(),
+            policy: None,
+            checkpoint: None,
+            obstacle_checkpoint: None,
+            seeds: 1,
+            set: toml::Table::new(),
+        }
     }
 }
 

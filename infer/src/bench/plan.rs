@@ -21,8 +21,12 @@ pub struct Row {
     pub seeds: usize,
     /// All settings.
     pub settings: Settings,
-    /// Where its network is from, as given, and the bytes of its file.
-    pub network: Option<(PathBuf, Vec<u8>)>,
+    /// Where its network is from, as given.
+    pub checkpoint: Option<PathBuf>,
+    /// Where its obstacle map is from, if from another network.
+    pub obstacle_checkpoint: Option<PathBuf>,
+    /// The bytes of all these weights.
+    pub weights: Vec<u8>,
 }
 
 /// A data set, scenes read.
@@ -147,14 +151,13 @@ impl Manifest {
             Ok(RowInfo {
                 name: row.name.clone(),
                 policy: row.kind,
-                checkpoint: row.network.as_ref().map(|(path, _)| path.display().to_string()),
+                checkpoint: row.checkpoint.as_ref().map(|path| path.display().to_string()),
                 seeds: row.seeds,
                 settings: plain(&row.settings)?,
             })
         });
         let infos: Vec<RowInfo> = infos.collect::<Result<_, PlanError>>()?;
-        let weights: Vec<u64> =
-            rows.iter().map(|row| row.network.as_ref().map_or(0, |(_, bytes)| hash(bytes))).collect();
+        let weights: Vec<u64> = rows.iter().map(|row| hash(&row.weights)).collect();
         let Terms { starts, seed, visible, released, .. } = *terms;
         let scene_plan = |set: &DataSet, scene: &Scene| {
             let of_scene = of_scene(scene);

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use nbp_dataset::SceneBundle;
 use nbp_env::explain::show;
 use nbp_env::scene::LoadOptions;
-use nbp_env::{Predictor, Scene, parallel};
+use nbp_env::{Scene, parallel};
 use nbp_infer::bench::config::{BenchConfig, Choices, DataConfig, Origin, RowConfig};
 use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
 use nbp_infer::bench::run::{self, Measures, Runner};
@@ -18,7 +18,7 @@ use nbp_infer::{Settings, checkpoint, source};
 use nbp_model::DeviceChoice;
 use nbp_model::weights::WEIGHTS_FILE;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -191,28 +191,31 @@ impl Args {
 fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
     let resolve = || {
         let kind = row.kind()?;
-        let (mut settings, mut trained, mut network) = (Settings::default(), None, None);
-        match &row.checkpoint {
-            Some(_) if !kind.needs_network() => bail!("policy {kind} asks no network: leave the checkpoint out"),
-            None if kind.needs_network() => {
-                bail!("policy {kind} needs a network: give its checkpoint (--checkpoint {}=DIR)", row.name)
-            }
-            None => (),
-            Some(path) => {
-                let (config, trained_with) = checkpoint::read(path).context("cannot use the checkpoint")?;
-                let file = checkpoint::folder(path)?.join(WEIGHTS_FILE);
-                let bytes = std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
-                (settings, trained, network) = (trained_with, Some(config), Some((path.clone(), bytes)));
+        let checkpoints = [&row.checkpoint, &row.obstacle_checkpoint];
+        if kind.needs_network() && row.checkpoint.is_none() {
+            bail!("policy {kind} needs a network: give its checkpoint (--checkpoint {}=DIR)", row.name);
+        }
+        if !kind.needs_network() && checkpoints.iter().any(|path| path.is_some()) {
+            bail!("policy {kind} asks no network: leave the checkpoint out");
+        }
+        let (mut settings, mut trained, mut weights) = (Settings::default(), Vec::new(), Vec::new());
+        for (number, path) in checkpoints.into_iter().flatten().enumerate() {
+            let (config, trained_with) = checkpoint::read(path).context("cannot use the checkpoint")?;
+            let file = checkpoint::folder(path)?.join(WEIGHTS_FILE);
+            weights.extend(std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?);
+            trained.push(config);
+            if number == 0 {
+                settings = trained_with;
             }
         }
         for (key, table) in [("sim", sim), ("", &row.set)] {
             settings = overrides::assign(&settings, &overrides::assignments(key, &toml::Value::Table(table.clone()))?)?;
         }
         settings.policy.validate().context("policy")?;
-        if let Some(trained) = &trained {
-            checkpoint::check(trained, &settings.sim)?;
-        }
-        Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, network })
+        settings.search.validate()?;
+        trained.iter().try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
+        let (checkpoint, obstacle_checkpoint) = (row.checkpoint.clone(), row.obstacle_checkpoint.clone());
+        Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, checkpoint, obstacle_checkpoint, weights })
     };
     resolve().with_context(|| format!("row {}", row.name))
 }
@@ -317,21 +320,23 @@ fn compute(
     device: DeviceChoice,
     talk: Talk,
 ) -> Result<()> {
-    let mut networks: BTreeMap<&Path, Arc<dyn Predictor>> = BTreeMap::new();
+    let mut networks = BTreeMap::new();
     let mut runners = Vec::new();
     for (number, row) in rows.iter().enumerate() {
         let is_open = open.iter().any(|key| key.row == Some(number));
-        let network = match &row.network {
-            Some((path, _)) if is_open => match networks.get(path.as_path()) {
+        let mut network = None;
+        if let (Some(path), true) = (&row.checkpoint, is_open) {
+            let obstacle = row.obstacle_checkpoint.as_deref();
+            network = match networks.get(&(path, obstacle)) {
                 Some(network) => Some(Arc::clone(network)),
                 None => {
-                    let network = setup::network(path, device, 1, talk).with_context(|| format!("row {}", row.name))?;
-                    networks.insert(path, Arc::clone(&network));
+                    let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
+                    let network = network.with_context(|| format!("row {}", row.name))?;
+                    networks.insert((path, obstacle), Arc::clone(&network));
                     Some(network)
                 }
-            },
-            _ => None,
-        };
+            };
+        }
         runners.push(Runner::new(row, network));
     }
     let needed: BTreeSet<(usize, usize)> = open.iter().map(|key| (key.set, key.scene)).collect();
