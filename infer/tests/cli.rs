@@ -9,7 +9,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// Runs the program in a folder.
 fn infer(folder: &Path, args: &str) -> Output {
@@ -362,7 +362,8 @@ fn a_bench_has_the_same_bytes_in_shards_after_a_kill_and_on_any_threads() {
     // Side by side, and one of them killed as soon as it has written something.
     let shard = |shard: &str| {
         let args = format!("{bench} three -q --threads 1 --shard {shard}");
-        Command::new(env!("CARGO_BIN_EXE_infer")).current_dir(dir.path()).args(args.split_whitespace()).spawn().unwrap()
+        let mut command = Command::new(env!("CARGO_BIN_EXE_infer"));
+        command.current_dir(dir.path()).args(args.split_whitespace()).stdout(Stdio::null()).spawn().unwrap()
     };
     let (mut first, mut second) = (shard("1/2"), shard("2/2"));
     let out = dir.path().join("three");
@@ -481,7 +482,7 @@ fn a_bench_that_cannot_be_says_why() {
             1,
             "row net: cannot use the checkpoint: nowhere is no checkpoint",
         ),
-        ("--config bench.toml --data rooms=empty", 1, "data set rooms: empty holds no scene"),
+        ("--config bench.toml --data rooms=empty", 1, "empty holds no scene"),
         ("--config bench.toml --data rooms=scenes/a,nowhere", 1, "there is no"),
         ("--config bench.toml --data rooms", 2, "NAME=PATH"),
         ("--config bench.toml --data more=scenes/a", 1, "--steps more=100"),
