@@ -202,6 +202,8 @@ impl Belief {
     ) -> CandidateInput {
         let (points, eye_there) = (self.proxies.points(), self.camera.at(camera));
         let is_in_view = |&&(proxy, _): &&(usize, f32)| eye_there.project(points[proxy]).is_some();
+        let worth =
+            |proxy: usize| (self.config.full_distance / camera.position.distance(points[proxy])).min(1.0).powi(2);
         let mut mass = 0.0;
         let inside = likely.iter().filter(is_in_view).map(|&(proxy, probability)| {
             mass += probability;
@@ -224,15 +226,104 @@ impl Belief {
         for (point, (proxy, probability, share)) in seen.into_iter().zip(drawn) {
             let [x, y, z] = (scale * (point - 0.5 * (low + high))).to_array();
             let away = camera.position - points[proxy];
-            let distance = away.length();
-            let worth = (self.config.full_distance / distance).min(1.0).powi(2);
             let sight = &self.proxies.sights()[proxy];
             let of_views = || harmonics.of(sight.views);
             input.points.push([x, y, z, probability]);
             input.harmonics.push(if sight.is_in_field() { of_views() } else { [0.0; HARMONICS] });
-            input.directions.push(to_view(away / distance, eye.azimuth).to_array());
-            input.weights.push(share as f32 / self.config.draws as f32 * worth);
+            input.directions.push(to_view(away.normalize_or_zero(), eye.azimuth).to_array());
+            input.weights.push(share as f32 / self.config.draws as f32 * worth(proxy));
         }
         input
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Mass;
+    use super::*;
+    use crate::config::SimConfig;
+    use crate::episode::{Action, Episode};
+    use crate::pose::{Direction, Heading, LatticePose, Node};
+    use crate::scene::Scene;
+    use crate::seed::SeedTree;
+    use crate::world::World;
+    use std::sync::{Arc, Mutex};
+
+    /// Counts cells and questions, and says that everything is solid.
+    #[derive(Default)]
+    struct Counting(Mutex<Vec<(usize, usize)>>);
+
+    impl NbvPredictor for Counting {
+        fn occupancy(&self, inputs: &[OccupancyInput]) -> Result<Vec<Vec<f32>>, PredictError> {
+            let answers: Vec<Vec<f32>> = inputs.iter().map(|input| vec![1.5; input.queries.len()]).collect();
+            self.0.lock().unwrap().push((inputs.len(), answers.iter().map(Vec::len).sum()));
+            Ok(answers)
+        }
+
+        fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
+            Mass.gains(candidates)
+        }
+    }
+
+    fn episode() -> Episode {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 2 }, heading: Heading::new(2) };
+        Episode::new(world, start, 9, SeedTree::new(1)).unwrap()
+    }
+
+    fn belief(episode: &Episode, config: NbvConfig) -> Belief {
+        let scene = episode.world().scene();
+        let mut belief = Belief::new(scene.bounds(), SimConfig::default().camera, config, &mut SeedTree::new(2).rng());
+        belief.observe(&episode.view());
+        belief
+    }
+
+    #[test]
+    fn only_what_may_have_changed_is_asked_again_and_no_more_than_allowed() {
+        let mut episode = episode();
+        let config = NbvConfig { proxies: 2000, cells: 1, queries: 40, ..NbvConfig::DEFAULT };
+        let (network, mut rng) = (Counting::default(), SeedTree::new(3).rng());
+        let mut belief = belief(&episode, config);
+        let eye = episode.view().camera();
+        for step in 0..60 {
+            belief.ask(&network, &eye, step, &mut rng).unwrap();
+        }
+        let counts = std::mem::take(&mut *network.0.lock().unwrap());
+        assert_eq!((counts[0].0, counts[59]), (1, (0, 0)));
+        assert!(counts.iter().all(|&(cells, asked)| cells <= 1 && asked <= 40) && counts.len() == 60);
+        let open = |belief: &Belief| {
+            let sights = belief.proxies.sights().iter().zip(belief.proxies.points());
+            sights.filter(|(sight, point)| sight.is_in_field() && sight.is_solid() && belief.is_known(**point)).count()
+        };
+        assert_eq!(counts.iter().map(|&(_, asked)| asked).sum::<usize>(), open(&belief), "each once");
+        let of = |belief: &Belief, wanted: f32| (0..2000).filter(|&proxy| belief.probability(proxy) == wanted).count();
+        assert_eq!(of(&belief, 1.0), open(&belief), "answers are probabilities");
+        assert_eq!(of(&belief, 0.5), belief.proxies.sights().iter().filter(|sight| !sight.is_in_field()).count());
+        episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(2) });
+        belief.observe(&episode.view());
+        belief.ask(&network, &episode.view().camera(), 60, &mut rng).unwrap();
+        assert!(matches!(network.0.lock().unwrap()[..], [(1, 1..=40)]), "the cloud has grown");
+    }
+
+    #[test]
+    fn the_expected_gain_of_the_drawn_proxies_is_the_sum_over_the_frustum() {
+        let episode = episode();
+        let config = NbvConfig { proxies: 3000, full_distance: 3.0, ..NbvConfig::DEFAULT };
+        let belief = belief(&episode, config);
+        let eye = episode.view().camera();
+        let there = Pose { azimuth: eye.azimuth + 0.5, ..eye };
+        let points = belief.proxies.points().iter().enumerate();
+        let inside = points.filter(|(_, point)| belief.camera.project(&there, **point).is_some());
+        let worth = |distance: f32| (3.0 / distance).min(1.0).powi(2);
+        let exact: f32 =
+            inside.map(|(proxy, point)| belief.probability(proxy) * worth(point.distance(there.position))).sum();
+        let mut rng = SeedTree::new(3).rng();
+        let inputs: Vec<CandidateInput> = (0..400).flat_map(|_| belief.candidates(&eye, &[there], &mut rng)).collect();
+        let drawn = Mass.gains(&inputs).unwrap().iter().sum::<f32>() / 400.0;
+        assert!((drawn / exact - 1.0).abs() < 0.02, "{drawn} {exact}");
+        for input in inputs {
+            assert!(input.points.len() <= 64 && input.points.len() == input.weights.len());
+            assert!(input.directions.iter().all(|&d| (Vec3::from(d).length() - 1.0).abs() < 1e-5));
+        }
     }
 }
