@@ -1,17 +1,20 @@
 //! What every lattice pose sees, computed once and asked often: coverage gains for labels, oracles and search.
 //!
-//! A pose sees the ground-truth points that its full frame covers ([`Coverage`], every pixel kept). Points are ordered
+//! A pose sees the ground-truth points that its full frame covers ([`Coverage`], every pixel kept), or glimpses those that the
+//! pixels of it cover which an episode would keep. Points are ordered
 //! along a Morton curve, so that what one pose sees falls into few 64-bit words, and only those are stored. Poses are
 //! computed when they are first asked for, from any thread.
 
 use crate::coverage::Coverage;
+use crate::map::Kept;
 use crate::pose::{HEADINGS, Lattice, LatticePose};
+use crate::seed::SeedTree;
 use crate::sensor::Frame;
 use crate::visible::visible_points;
 use crate::world::World;
 use glam::Vec3;
 use std::cell::RefCell;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Bits of each axis in a Morton code.
 const MORTON_BITS: u32 = 16;
@@ -47,13 +50,17 @@ pub(crate) struct VisibilityCache {
     /// Place of each ground-truth point along the curve.
     rank: Vec<u32>,
     views: Vec<OnceLock<Seen>>,
+    /// Share of the pixels that count.
+    keep: f32,
+    /// One for each thread that looks, covering nothing in between.
+    scratch: Mutex<Vec<Coverage>>,
 }
 
 impl VisibilityCache {
-    /// Nothing is computed yet.
-    pub(crate) fn new(points: &[Vec3], lattice: &Lattice) -> Self {
+    /// Nothing is computed yet. Of each frame a share of `keep` counts.
+    pub(crate) fn new(points: &[Vec3], lattice: &Lattice, keep: f32) -> Self {
         let views = (0..lattice.len() * HEADINGS).map(|_| OnceLock::new()).collect();
-        Self { rank: morton_ranks(points), views }
+        Self { rank: morton_ranks(points), views, keep, scratch: Mutex::default() }
     }
 }
 
@@ -130,20 +137,30 @@ impl<'a> Visibility<'a> {
     fn seen(&self, pose: LatticePose) -> Option<&'a Seen> {
         let lattice = self.world.scene().lattice();
         let index = lattice.index(pose.node)? * HEADINGS + pose.heading.index();
-        Some(self.cache.views[index].get_or_init(|| self.look(lattice, pose)))
+        Some(self.cache.views[index].get_or_init(|| self.look(lattice, pose, index)))
     }
 
-    fn look(&self, lattice: &Lattice, pose: LatticePose) -> Seen {
+    fn look(&self, lattice: &Lattice, pose: LatticePose, index: usize) -> Seen {
         thread_local! {
             static SCRATCH: RefCell<(Frame, Vec<Vec3>)> = RefCell::default();
         }
         let (world, pose) = (self.world, lattice.pose(pose));
-        SCRATCH.with_borrow_mut(|(frame, points)| {
+        let scratch = || self.cache.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut coverage = scratch().pop().unwrap_or_else(|| Coverage::new(world.surface()));
+        let seen = SCRATCH.with_borrow_mut(|(frame, points)| {
+            let camera = world.sensor().camera();
             world.sensor().capture(world.scene(), &pose, frame);
-            points.clear();
-            points.extend(frame.points(world.sensor().camera().at(&pose)));
-            self.sparse(&world.surface().covered_by(points))
-        })
+            if self.cache.keep < 1.0 {
+                let mut rng = SeedTree::new(0).child("glimpse", index as u64).rng();
+                *points = Kept::draw(camera, &pose, frame, self.cache.keep, &mut rng).points;
+            } else {
+                points.clear();
+                points.extend(frame.points(camera.at(&pose)));
+            }
+            self.sparse(&coverage.glance(world.surface(), points))
+        });
+        scratch().push(coverage);
+        seen
     }
 
     fn sparse(&self, points: &[u32]) -> Seen {
@@ -237,6 +254,29 @@ mod tests {
         assert!((0.95..=1.0).contains(&share), "{share}");
         let outside = LatticePose { node: Node { i: -1, k: 0 }, heading: Heading::new(0) };
         assert_eq!(lazy.visibility().gain(outside, &lazy.visibility().nothing()), 0);
+    }
+
+    #[test]
+    fn a_glimpse_is_what_the_kept_share_of_a_frame_covers() {
+        let with = |keep| {
+            let config = SimConfig { keep, ..world().config().clone() };
+            Arc::new(World::new(Scene::two_rooms(), &config).unwrap())
+        };
+        let pose = LatticePose { node: Node { i: 1, k: 2 }, heading: Heading::new(1) };
+        let (all, few) = (with(1.0), with(0.01));
+        let count = |visibility: Visibility<'_>| visibility.gain(pose, &visibility.nothing());
+        assert_eq!(count(all.glimpses()), count(all.visibility()));
+        assert_eq!(count(few.visibility()), count(all.visibility()));
+        let (mut seen, mut glimpsed) = (few.visibility().nothing(), few.glimpses().nothing());
+        few.visibility().cover(pose, &mut seen);
+        assert_eq!(few.glimpses().cover(pose, &mut glimpsed), few.glimpses().gain(pose, &few.glimpses().nothing()));
+        assert_eq!(few.glimpses().gain(pose, &seen), 0, "what is glimpsed is seen");
+        assert!(
+            glimpsed.len() > seen.len() / 10 && glimpsed.len() < seen.len(),
+            "{} of {}",
+            glimpsed.len(),
+            seen.len()
+        );
     }
 
     #[test]

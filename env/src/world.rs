@@ -24,6 +24,7 @@ pub struct World {
     sensor: Arc<dyn Sensor>,
     config: SimConfig,
     visibility: Arc<OnceLock<VisibilityCache>>,
+    glimpses: Arc<OnceLock<VisibilityCache>>,
 }
 
 impl World {
@@ -58,6 +59,7 @@ impl World {
             sensor: Arc::from(sensor),
             config,
             visibility: Arc::default(),
+            glimpses: Arc::default(),
             scene: Arc::new(scene),
         })
     }
@@ -76,6 +78,7 @@ impl World {
             sensor: Arc::clone(&self.sensor),
             config,
             visibility: Arc::clone(&self.visibility),
+            glimpses: Arc::clone(&self.glimpses),
         })
     }
 
@@ -120,8 +123,15 @@ impl World {
 
     /// What its lattice poses see. Nothing is computed before it is asked for.
     pub fn visibility(&self) -> Visibility<'_> {
-        let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice());
+        let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice(), 1.0);
         Visibility::new(self, self.visibility.get_or_init(new))
+    }
+
+    /// What one frame of an episode covers from its lattice poses, where only a share of the pixels is kept
+    /// ([`SimConfig::keep`]): for each pose one draw, always the same.
+    pub fn glimpses(&self) -> Visibility<'_> {
+        let new = || VisibilityCache::new(self.surface.points(), self.scene.lattice(), self.config.keep);
+        Visibility::new(self, self.glimpses.get_or_init(new))
     }
 
     /// What its episodes see with.

@@ -1,19 +1,23 @@
 //! `oracle-greedy`, `oracle-beam`: search on the true coverage gains, as bounds for policies that do not know the map.
 //!
-//! Gains are those of the frames at the end of steps ([`Visibility`](crate::visibility::Visibility)); what the frames in
-//! between add is neither predicted nor counted.
+//! A step's gain is what its frames cover, each taken for the lattice pose nearest to it ([`World::glimpses`]); what has been
+//! covered is counted from the cloud, exactly. Gains are discounted by the step at which they come, and a way ends with a
+//! promise: the best gain of any pose on the map, discounted by the walk to it. So a bound neither nibbles at what is next to it
+//! nor stands still where the search sees nothing.
 
 use super::{Plan, Policy, PolicyError, action_towards};
+use crate::coverage::Coverage;
 use crate::episode::Action;
 use crate::map::MapView;
 use crate::path::ShortestPaths;
-use crate::pose::{Heading, LatticePose};
+use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
 use crate::visibility::PointSet;
 use crate::world::World;
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::Arc;
 
 /// How far and how broadly to search.
@@ -60,12 +64,19 @@ impl SearchConfig {
     }
 }
 
+/// What a gain one step later is worth: the farther away, the less a promise counts.
+const DISCOUNT: f32 = 0.96;
+
 /// Searches the true map.
 pub struct OracleSearch {
     name: &'static str,
     world: Arc<World>,
     config: SearchConfig,
-    covered: PointSet,
+    /// What the episode has really covered, frames between nodes included.
+    coverage: Coverage,
+    frames: usize,
+    /// Poses within reach that may still add something.
+    open: Option<Vec<LatticePose>>,
     plan: Option<Plan>,
 }
 
@@ -74,9 +85,18 @@ pub struct OracleSearch {
 struct Way {
     poses: Vec<LatticePose>,
     covered: PointSet,
-    gain: usize,
-    /// Sum of the gains after each step: of equal gains, the earlier ones are better.
-    area: usize,
+    /// Points, each step's discounted.
+    gain: f32,
+}
+
+/// A step that prolongs a way.
+#[derive(Clone, Copy)]
+struct Step {
+    parent: usize,
+    pose: LatticePose,
+    gain: f32,
+    /// The gain and what is promised from there.
+    worth: f32,
 }
 
 impl OracleSearch {
@@ -91,41 +111,123 @@ impl OracleSearch {
     }
 
     fn new(name: &'static str, world: Arc<World>, config: SearchConfig) -> Self {
-        Self { name, covered: world.visibility().nothing(), world, config, plan: None }
+        let coverage = Coverage::new(world.surface());
+        Self { name, world, config, coverage, frames: 0, open: None, plan: None }
     }
 
-    /// The best way of at most `depth` steps; `None` where no step adds anything.
-    fn search(&self, start: LatticePose) -> Option<Vec<LatticePose>> {
-        let visibility = self.world.visibility();
-        let mut beam = vec![Way { poses: vec![start], covered: self.covered.clone(), gain: 0, area: 0 }];
+    /// Takes in what was covered since the last time, and returns all of it.
+    fn look_back(&mut self, view: &MapView<'_>) -> PointSet {
+        let fresh: Vec<Vec3> = view.cloud().of_frames(self.frames).collect();
+        self.coverage.add(self.world.surface(), &fresh, 0);
+        self.frames = view.cloud().frames();
+        let covered = self.world.glimpses().covered_by(&self.coverage);
+        let open = match self.open.take() {
+            Some(open) => open,
+            None => self.poses_within_reach(view.pose().node),
+        };
+        let glimpses = self.world.glimpses();
+        self.open = Some(open.into_iter().filter(|&pose| glimpses.gain(pose, &covered) > 0).collect());
+        covered
+    }
+
+    fn poses_within_reach(&self, start: Node) -> Vec<LatticePose> {
+        let graph = self.world.scene().graph();
+        let paths = ShortestPaths::from(start, |a, b| graph.is_passable(a, b).then_some(1.0));
+        let poses = |(node, _)| Heading::all().map(move |heading| LatticePose { node, heading });
+        paths.reached().flat_map(poses).collect()
+    }
+
+    /// The best way of `depth` steps.
+    fn search(&self, start: LatticePose, covered: PointSet) -> Vec<LatticePose> {
+        let mut beam = vec![Way { poses: vec![start], covered, gain: 0.0 }];
+        let mut discount = 1.0;
         for _ in 0..self.config.depth {
             // Of several ways to a pose only the best is kept, or one corner would fill the beam.
-            let mut best: BTreeMap<LatticePose, (usize, usize, usize)> = BTreeMap::new();
+            let mut best: BTreeMap<LatticePose, Step> = BTreeMap::new();
             for (parent, way) in beam.iter().enumerate() {
                 let Some(&here) = way.poses.last() else { continue };
+                let promised = self.promises(&way.covered);
                 for pose in self.steps_from(here) {
-                    let gain = way.gain + visibility.gain(pose, &way.covered);
-                    let candidate = (gain, way.area + gain, parent);
-                    let known = best.entry(pose).or_insert(candidate);
-                    if (candidate.0, candidate.1) > (known.0, known.1) {
-                        *known = candidate;
+                    let gain = way.gain + discount * self.gain(here, pose, &way.covered) as f32;
+                    let promise = self.promise_at(Some(&pose), &promised);
+                    let step = Step { parent, pose, gain, worth: gain + discount * DISCOUNT * promise };
+                    let known = best.entry(pose).or_insert(step);
+                    if step.worth > known.worth {
+                        *known = step;
                     }
                 }
             }
-            let mut ranked: Vec<_> = best.into_iter().collect();
-            ranked.sort_by_key(|&(pose, (gain, area, _))| (Reverse((gain, area)), pose));
+            let mut ranked: Vec<Step> = best.into_values().collect();
+            ranked.sort_by(|a, b| b.worth.total_cmp(&a.worth).then(a.pose.cmp(&b.pose)));
             ranked.truncate(self.config.width);
-            beam = ranked
-                .into_iter()
-                .map(|(pose, (gain, area, parent))| {
-                    let mut way = beam[parent].clone();
-                    visibility.cover(pose, &mut way.covered);
-                    way.poses.push(pose);
-                    Way { gain, area, ..way }
-                })
-                .collect();
+            beam = ranked.into_iter().map(|step| self.prolong(&beam[step.parent], step)).collect();
+            discount *= DISCOUNT;
         }
-        beam.into_iter().next().filter(|way| way.gain > 0).map(|way| way.poses[1..].to_vec())
+        // What a way itself has covered is promised to nobody any more.
+        let worth = |way: &Way| way.gain + discount * self.promise_at(way.poses.last(), &self.promises(&way.covered));
+        let ways = beam.into_iter().map(|way| (worth(&way), way));
+        let best = ways.reduce(|best, way| if way.0 > best.0 { way } else { best });
+        best.map(|(_, way)| way.poses[1..].to_vec()).unwrap_or_default()
+    }
+
+    fn promise_at(&self, pose: Option<&LatticePose>, promised: &[f32]) -> f32 {
+        let index = pose.and_then(|pose| self.world.scene().lattice().index(pose.node));
+        index.map_or(0.0, |index| promised[index])
+    }
+
+    fn prolong(&self, way: &Way, step: Step) -> Way {
+        let Way { mut poses, mut covered, .. } = way.clone();
+        for pose in poses.last().into_iter().flat_map(|&here| self.frames_of_step(here, step.pose)) {
+            self.world.glimpses().cover(pose, &mut covered);
+        }
+        poses.push(step.pose);
+        Way { poses, covered, gain: step.gain }
+    }
+
+    /// Points that a step adds.
+    fn gain(&self, from: LatticePose, to: LatticePose, covered: &PointSet) -> usize {
+        let mut covered = covered.clone();
+        self.frames_of_step(from, to).map(|pose| self.world.glimpses().cover(pose, &mut covered)).sum()
+    }
+
+    /// The lattice poses nearest to those at which a step takes its frames.
+    fn frames_of_step(&self, from: LatticePose, to: LatticePose) -> impl Iterator<Item = LatticePose> + '_ {
+        let lattice = self.world.scene().lattice();
+        let (captures, begin, end) = (self.world.config().captures, lattice.pose(from), lattice.pose(to));
+        (1..=captures).map(move |n| {
+            let pose = begin.interpolate(&end, n as f32 / captures as f32);
+            let heading = Heading::towards(pose.azimuth.sin(), pose.azimuth.cos());
+            if n == captures { to } else { LatticePose { node: lattice.nearest(pose.position), heading } }
+        })
+    }
+
+    /// For each node, the highest gain of any pose, discounted by the steps to it.
+    fn promises(&self, covered: &PointSet) -> Vec<f32> {
+        let scene = self.world.scene();
+        let (lattice, graph) = (scene.lattice(), scene.graph());
+        let mut promised = vec![0.0_f32; lattice.len()];
+        for &pose in self.open.iter().flatten() {
+            if let Some(index) = lattice.index(pose.node) {
+                promised[index] = promised[index].max(self.world.glimpses().gain(pose, covered) as f32);
+            }
+        }
+        let mut order: BinaryHeap<(Promise, usize)> = (0..)
+            .zip(&promised)
+            .filter(|(_, promise)| **promise > 0.0)
+            .map(|(index, &promise)| (Promise(promise), index))
+            .collect();
+        while let Some((Promise(promise), index)) = order.pop() {
+            if promise < promised[index] {
+                continue;
+            }
+            for next in graph.neighbours(lattice.node(index)).filter_map(|node| lattice.index(node)) {
+                if DISCOUNT * promise > promised[next] {
+                    promised[next] = DISCOUNT * promise;
+                    order.push((Promise(promised[next]), next));
+                }
+            }
+        }
+        promised
     }
 
     /// Poses one step away: four moves and staying, eight headings each.
@@ -133,21 +235,23 @@ impl OracleSearch {
         let nodes = self.world.scene().graph().neighbours(here.node).chain([here.node]);
         nodes.flat_map(|node| Heading::all().map(move |heading| LatticePose { node, heading }))
     }
+}
 
-    /// The shortest way to a pose that adds something.
-    fn walk_to_nearest(&self, start: LatticePose) -> Vec<LatticePose> {
-        let graph = self.world.scene().graph();
-        let paths = ShortestPaths::from(start.node, |a, b| graph.is_passable(a, b).then_some(1.0));
-        let mut nodes: Vec<_> = paths.reached().collect();
-        nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        let gain = |pose: &LatticePose| self.world.visibility().gain(*pose, &self.covered);
-        let best_look = |node| {
-            let poses = Heading::all().map(|heading| LatticePose { node, heading });
-            poses.max_by_key(|pose| (gain(pose), Reverse(pose.heading))).filter(|pose| gain(pose) > 0)
-        };
-        let Some(goal) = nodes.into_iter().find_map(|(node, _)| best_look(node)) else { return Vec::new() };
-        let path = paths.path_to(goal.node).unwrap_or_default();
-        path.into_iter().map(|node| LatticePose { node, ..goal }).collect()
+/// Never a number that is none, so their order is total.
+#[derive(PartialEq)]
+struct Promise(f32);
+
+impl Eq for Promise {}
+
+impl PartialOrd for Promise {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Promise {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0)
     }
 }
 
@@ -157,14 +261,13 @@ impl Policy for OracleSearch {
     }
 
     fn begin(&mut self) {
-        (self.covered, self.plan) = (self.world.visibility().nothing(), None);
+        (self.coverage, self.frames) = (Coverage::new(self.world.surface()), 0);
+        (self.open, self.plan) = (None, None);
     }
 
     fn act(&mut self, view: &MapView<'_>, _: &mut Rng) -> Result<Action, PolicyError> {
-        // Where an action has led: between two of them, a continuous agent looks otherwise than any lattice pose.
-        let here = view.pose();
-        self.world.visibility().cover(here, &mut self.covered);
-        let path = self.search(here).unwrap_or_else(|| self.walk_to_nearest(here));
+        let (here, covered) = (view.pose(), self.look_back(view));
+        let path = self.search(here, covered);
         let next = path.first().copied().unwrap_or(here);
         self.plan = Some(Plan { made_at: view.step(), path, thought: None });
         Ok(action_towards(here.node, next))
@@ -179,11 +282,12 @@ impl Policy for OracleSearch {
 mod tests {
     use super::*;
     use crate::config::SimConfig;
+    use crate::coverage::Surface;
     use crate::episode::Episode;
     use crate::policy::fbe::Fbe;
     use crate::policy::tests::explore;
-    use crate::pose::Node;
     use crate::scene::Scene;
+    use crate::seed::SeedTree;
     use crate::sensor::Camera;
 
     #[test]
@@ -201,5 +305,56 @@ mod tests {
         assert!(greedy.curve()[20] > fbe.curve()[20]);
         assert!(beam.curve()[20] > 0.95, "{:?}", beam.curve());
         assert_eq!((greedy.bumps(), beam.bumps()), (0, 0));
+    }
+
+    #[test]
+    fn what_a_step_adds_is_what_the_search_expects_and_counts() {
+        // Every pixel kept, turns by quarters: the frames in between are lattice poses too.
+        let camera = Camera { width: 112, height: 64, ..Camera::default() };
+        let config = SimConfig { camera, keep: 1.0, captures: 2, ..SimConfig::default() };
+        let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
+        let here = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
+        let mut episode = Episode::new(Arc::clone(&world), here, 4, SeedTree::new(1)).unwrap();
+        let mut oracle = OracleSearch::greedy(Arc::clone(&world));
+        for turn in [2, 4, 6] {
+            let to = LatticePose { heading: Heading::new(episode.pose().heading.index() + turn), ..here };
+            let covered = oracle.look_back(&episode.view());
+            assert_eq!(covered.len(), episode.coverage().covered());
+            let expected = oracle.gain(episode.pose(), to, &covered);
+            let before = episode.coverage().covered();
+            episode.step(Action { direction: None, heading: to.heading });
+            assert_eq!(episode.coverage().covered() - before, expected);
+        }
+    }
+
+    #[test]
+    fn promises_lead_to_what_is_left() {
+        let camera = Camera { width: 112, height: 64, ..Camera::default() };
+        let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() });
+        let world = Arc::new(world.unwrap());
+        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
+        let mut oracle = OracleSearch::greedy(Arc::clone(&world));
+        let episode = Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap();
+        oracle.look_back(&episode.view());
+        // All is covered but what one pose in the far corner sees.
+        let glimpses = world.glimpses();
+        let last = LatticePose { node: Node { i: 7, k: 5 }, heading: Heading::new(2) };
+        let mut left = glimpses.nothing();
+        let gain = glimpses.cover(last, &mut left) as f32;
+        let of_last = glimpses.points(&left);
+        let rest = (0..world.surface().len() as u32).filter(|point| of_last.binary_search(point).is_err());
+        let rest: Vec<Vec3> = rest.map(|point| world.surface().points()[point as usize]).collect();
+        let mut coverage = Coverage::new(&Surface::new(world.surface().points().to_vec(), 1e-3));
+        coverage.add(&Surface::new(world.surface().points().to_vec(), 1e-3), &rest, 0);
+        let promised = oracle.promises(&glimpses.covered_by(&coverage));
+        let graph = world.scene().graph();
+        let paths = ShortestPaths::from(last.node, |a, b| graph.is_passable(a, b).then_some(1.0));
+        let at = |node| promised[world.scene().lattice().index(node).unwrap()];
+        assert_eq!(at(last.node), gain);
+        for (node, steps) in paths.reached() {
+            assert!(at(node) >= gain * DISCOUNT.powf(steps) * 0.999);
+            let next = graph.neighbours(node).map(at).fold(0.0, f32::max);
+            assert!(node == last.node || at(node) >= DISCOUNT * next * 0.999);
+        }
     }
 }

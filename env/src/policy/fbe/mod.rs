@@ -7,13 +7,16 @@ mod tour;
 
 use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::episode::Action;
-use crate::map::{Cell, MapView};
+use crate::map::{Cell, MapView, OccupancyGrid};
 use crate::path::ShortestPaths;
 use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
 use clusters::{CellIndex, clusters};
 use look::{Look, best_look, nearest_unseen, nodes_near};
 use std::cmp::Reverse;
+
+/// From how far frontiers are looked at in passing, metres.
+const PASSING_DISTANCE: f32 = 6.0;
 
 /// Which frontier is next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,15 +59,20 @@ impl Fbe {
     fn make_plan(&mut self, view: &MapView<'_>) {
         let here = view.pose().node;
         let paths = ShortestPaths::from(here, |a, b| observed_price(view, a, b));
+        let clusters = clusters(view);
         let goal = match self.rule {
-            Rule::Nearest => nearest(view, &paths),
-            Rule::Gain => largest_for_its_way(looks(view, &paths)),
-            Rule::Tsp => tour::first(view, looks(view, &paths)),
+            Rule::Nearest => nearest(view, &paths, &clusters),
+            Rule::Gain => largest_for_its_way(looks(view, &paths, &clusters)),
+            Rule::Tsp => tour::first(view, looks(view, &paths, &clusters)),
         };
         let (path, target) = match goal.or_else(|| nearest_unseen(view, &paths)) {
             None => (Vec::new(), Vec::new()),
             Some(Look { pose, cells, .. }) => {
-                (poses_along(here, &paths.path_to(pose.node).unwrap_or_default(), pose), cells)
+                let mut path = poses_along(here, &paths.path_to(pose.node).unwrap_or_default(), pose);
+                if self.rule != Rule::Nearest {
+                    look_around(view, &mut path, &clusters);
+                }
+                (path, cells)
             }
         };
         self.plan = Some(Plan { made_at: view.step(), path, thought: None });
@@ -87,7 +95,8 @@ impl Policy for Fbe {
     }
 
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
-        if self.follow(view).is_none() {
+        // The published baseline follows its plan to the end; the others look at what has changed.
+        if self.rule != Rule::Nearest || self.follow(view).is_none() {
             self.make_plan(view);
         }
         Ok(match self.follow(view) {
@@ -118,17 +127,32 @@ fn poses_along(from: Node, nodes: &[Node], goal: LatticePose) -> Vec<LatticePose
     poses
 }
 
+/// Turns the poses before the goal to the frontiers that they pass: to look where one walks is to look at what is known.
+fn look_around(view: &MapView<'_>, path: &mut [LatticePose], clusters: &[Vec<CellIndex>]) {
+    // Later poses are planned anew before they are taken.
+    let [first, _, ..] = path else { return };
+    let at = view.lattice().position(first.node);
+    let is_near = |cell: &CellIndex| {
+        let away = OccupancyGrid::middle(*cell) - at;
+        away.x.hypot(away.z) <= PASSING_DISTANCE
+    };
+    let near: Vec<CellIndex> = clusters.iter().flatten().copied().filter(is_near).collect();
+    if let Some(look) = best_look(view, first.node, &near) {
+        *first = look;
+    }
+}
+
 /// The nearest cluster; of equally near ones the largest.
-fn nearest(view: &MapView<'_>, paths: &ShortestPaths) -> Option<Look> {
+fn nearest(view: &MapView<'_>, paths: &ShortestPaths, clusters: &[Vec<CellIndex>]) -> Option<Look> {
     let mut best: Option<Look> = None;
-    for cluster in clusters(view) {
+    for cluster in clusters {
         let size = Reverse(cluster.len());
-        for (distance, node) in nodes_near(view, paths, &cluster) {
+        for (distance, node) in nodes_near(view, paths, cluster) {
             if best.as_ref().is_some_and(|look| (look.distance, Reverse(look.cells.len())) <= (distance, size)) {
                 break;
             }
-            if let Some(pose) = best_look(view, node, &cluster) {
-                best = Some(Look { distance, pose, cells: cluster });
+            if let Some(pose) = best_look(view, node, cluster) {
+                best = Some(Look { distance, pose, cells: cluster.clone() });
                 break;
             }
         }
@@ -137,14 +161,14 @@ fn nearest(view: &MapView<'_>, paths: &ShortestPaths) -> Option<Look> {
 }
 
 /// The nearest look at each cluster that can be looked at.
-fn looks(view: &MapView<'_>, paths: &ShortestPaths) -> Vec<Look> {
-    let nearest = |cells: Vec<CellIndex>| {
-        let mut nodes = nodes_near(view, paths, &cells).into_iter();
+fn looks(view: &MapView<'_>, paths: &ShortestPaths, clusters: &[Vec<CellIndex>]) -> Vec<Look> {
+    let nearest = |cells: &Vec<CellIndex>| {
+        let mut nodes = nodes_near(view, paths, cells).into_iter();
         let (distance, pose) =
-            nodes.find_map(|(distance, node)| best_look(view, node, &cells).map(|pose| (distance, pose)))?;
-        Some(Look { distance, pose, cells })
+            nodes.find_map(|(distance, node)| best_look(view, node, cells).map(|pose| (distance, pose)))?;
+        Some(Look { distance, pose, cells: cells.clone() })
     };
-    clusters(view).into_iter().filter_map(nearest).collect()
+    clusters.iter().filter_map(nearest).collect()
 }
 
 /// The cluster with the most cells for each step; of equals the first.
