@@ -26,7 +26,7 @@ pub enum Rule {
     Nearest,
     /// The most cells for each step of the way.
     Gain,
-    /// The first on a tour of all, see [`tour`].
+    /// The first on a tour of all, see `tour.rs`.
     Tsp,
 }
 
