@@ -235,7 +235,7 @@ impl BenchConfig {
             for row in &mut self.policies {
                 let is_meant = match name {
                     Some(name) => *name == row.name,
-                    None => row.kind()?.needs_network(),
+                    None => matches!(row.kind()?, PolicyKind::Nbp | PolicyKind::OracleObstacles),
                 };
                 if is_meant {
                     row.checkpoint = Some(path.clone());

@@ -37,7 +37,8 @@ Examples:
 OUT/cells has one file for each row in each scene of each data set, written as its last episode ends. The same command goes on
 where it stopped: what was computed with other settings, scenes, weights or programs is computed again, and so is what is
 damaged. Shards may run at the same time, on one machine or on several that share OUT. Whoever computes the last cell writes
-summary.md, summary.json, episodes.csv, curves.csv, coverage-SET.svg, whose bytes are the same in every order, and timing.csv.";
+summary.md, summary.json, episodes.csv, curves.csv, coverage-SET.svg, whose bytes are the same in every order, and timing.csv.
+Times of decisions are what a clock says: measure them with --threads 1 on a machine that does nothing else.";
 
 /// Options of `infer bench`.
 #[derive(clap::Args)]
@@ -64,7 +65,7 @@ pub(super) struct Args {
     /// Row that the others are compared with
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
-    /// Checkpoint of a row, or of all rows that ask a network
+    /// Checkpoint of a row, or of all rows that ask the network of nbp
     #[arg(long, value_name = "[ROW=]DIR", value_parser = maybe_named::<PathBuf>)]
     checkpoint: Vec<(Option<String>, PathBuf)>,
     /// Steps of an episode, on one data set or on all
