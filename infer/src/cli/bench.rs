@@ -366,3 +366,39 @@ fn publish(out: &Output, talk: Talk) -> Result<()> {
     talk.say(format!("wrote {} to {}", names.join(", "), out.folder().display()));
     Ok(shown?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_come_with_the_program_have_settings_that_exist() {
+        let text = include_str!("../../../configs/bench/aimdoom.toml");
+        let config = BenchConfig::parse(&[text]).unwrap();
+        let rows = config.policies.iter().map(|row| {
+            let set = overrides::assignments("", &toml::Value::Table(row.set.clone())).unwrap();
+            (row.name.as_str(), overrides::assign(&Settings::default(), &set).unwrap())
+        });
+        let rows: BTreeMap<&str, Settings> = rows.collect();
+        assert_eq!(rows["nbp"], Settings::default());
+        let released = &rows["nbp-as-released"].policy;
+        assert!(released.oracle_edges && released.observed_penalty == 10.0 && released.observed_within == Some(1.5625));
+        for (row, policy) in [
+            ("nbp-as-released-no-oracle", nbp_env::policy::nbp::NbpConfig { oracle_edges: false, ..*released }),
+            ("nbp-as-released-no-penalty", nbp_env::policy::nbp::NbpConfig { observed_penalty: 0.0, ..*released }),
+        ] {
+            assert_eq!(rows[row].policy, policy, "{row}");
+        }
+    }
+
+    #[test]
+    fn parts_and_names_are_read_as_they_are_written() {
+        assert_eq!("2/3".parse(), Ok(Shard { number: 1, count: 3 }));
+        for wrong in ["0/2", "3/2", "1", "a/2", "-1/2", "1/"] {
+            assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
+        }
+        assert_eq!(named_paths("a=b,c").unwrap(), ("a".into(), vec!["b".into(), "c".into()]));
+        assert_eq!(maybe_named::<usize>("simple=7").unwrap(), (Some("simple".into()), 7));
+        assert!(maybe_named::<usize>("simple=x").is_err() && named_paths("=b").is_err() && named_paths("a=").is_err());
+    }
+}
