@@ -31,6 +31,9 @@ pub(super) struct Args {
     /// Also draw what the network saw and answered whenever it planned, into OUT/plans
     #[arg(long)]
     plans: bool,
+    /// Also make a film of it, OUT/episode.gif: the map as it grows, the way and the plan, what the agent sees
+    #[arg(long)]
+    gif: bool,
     #[command(flatten)]
     setup: setup::Args,
 }
@@ -52,7 +55,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let mut policy = registry::build(args.policy, &context, &world)?;
     let trial = Trial { start: args.start, seed: args.setup.seed, steps };
     let bar = talk.bar(trial.steps, "steps");
+    let title = format!("{}  ·  {}", world.scene().name(), args.policy);
     let mut drawn = None;
+    let mut film: Option<picture::Film> = None;
     let mut failure = Ok(());
     let finished = run_episode(&world, policy.as_mut(), trial, |episode, policy: &dyn Policy| {
         bar.set(episode.steps(), trial.steps);
@@ -68,19 +73,29 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
                 }
             }
         }
+        if args.gif {
+            let taken = match &mut film {
+                Some(film) => film.take(episode, policy),
+                None => picture::Film::new(&title, episode, trial.steps)
+                    .and_then(|fresh| film.insert(fresh).take(episode, policy)),
+            };
+            failure = std::mem::replace(&mut failure, Ok(())).and(taken.map_err(anyhow::Error::from));
+        }
         Ok(())
     });
     bar.finish();
     let Rollout { record, episode } = finished?;
     failure?;
 
-    let title = format!("{}  ·  {}", record.scene, record.policy);
     let points: Vec<_> = episode.view().cloud().iter().collect();
     out.write("cloud.ply", export::cloud_ply(&points, episode.view().cloud_colours()))?;
     out.write("trajectory.json", export::trajectory_json(&record, episode.track())?)?;
     out.write("coverage.csv", export::coverage_csv(&record.curve))?;
     out.write("coverage.svg", plot::coverage(&title, &plot::series(std::slice::from_ref(&record))))?;
     out.write("topdown.png", picture::topdown(&episode, &title).png()?)?;
+    if let Some(film) = film {
+        out.write("episode.gif", film.finish()?)?;
+    }
     let completion = record.completion.map_or(String::new(), |Completion { share, mean_distance }| {
         format!(", Comp. {:.2} %, {:.2} cm", 100.0 * share, 100.0 * mean_distance)
     });
@@ -96,7 +111,8 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         record.decision_ms
     ))?;
     talk.say(format!(
-        "wrote cloud.ply, trajectory.json, coverage.csv, coverage.svg, topdown.png to {}",
+        "wrote cloud.ply, trajectory.json, coverage.csv, coverage.svg, topdown.png{} to {}",
+        if args.gif { ", episode.gif" } else { "" },
         out.folder().display()
     ));
     Ok(())

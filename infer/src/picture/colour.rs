@@ -12,6 +12,8 @@ pub(super) const UNSEEN: [u8; 3] = [132, 66, 62];
 pub(super) const TEXT: [u8; 3] = [222, 227, 236];
 /// Text of less weight.
 pub(super) const FAINT: [u8; 3] = [138, 147, 163];
+/// What is planned.
+pub(super) const PLAN: [u8; 3] = [120, 220, 255];
 /// Found where there is one.
 pub(super) const HIT: [u8; 3] = [236, 240, 246];
 /// Not found where there is one.

@@ -85,15 +85,15 @@ pub fn value_map(window: &Window, value: &ValueMap, walls: &[u8], lattice: &Latt
         let Some((row, col)) = window.pixel(lattice.position(pose.node)) else { break };
         let to = at(row, col);
         image.line(from, to, 5.0, [0; 3], 0.5);
-        image.line(from, to, 2.6, [120, 220, 255], 1.0);
+        image.line(from, to, 2.6, colour::PLAN, 1.0);
         from = to;
     }
     image.disc(agent, 6.0, [255; 3], 1.0);
     image.disc(agent, 4.2, [30, 120, 220], 1.0);
     if let Some(goal) = path.last() {
         let azimuth = goal.heading.azimuth();
-        image.ring(from, 8.0, 2.6, [120, 220, 255]);
-        image.line(from, from + 17.0 * Vec2::new(-azimuth.sin(), -azimuth.cos()), 2.6, [120, 220, 255], 1.0);
+        image.ring(from, 8.0, 2.6, colour::PLAN);
+        image.line(from, from + 17.0 * Vec2::new(-azimuth.sin(), -azimuth.cos()), 2.6, colour::PLAN, 1.0);
     }
     let line = (side * scale) as f32;
     image.block(Vec2::new(0.0, line), Vec2::new(line, line + LEGEND as f32), 0.0, colour::BACKGROUND, 1.0);

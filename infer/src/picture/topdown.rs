@@ -17,33 +17,38 @@ const LARGEST: f32 = 6000.0;
 const MARGIN: f32 = 1.0;
 
 /// From metres to pixels, `+z` up and `+x` left.
-struct Plan {
+pub(super) struct Plan {
     low: Vec2,
     high: Vec2,
     scale: f32,
     corner: Vec2,
-    frame: Frame,
+    /// Pixels for each length of marks and lettering.
+    unit: f32,
 }
 
 impl Plan {
-    fn of(episode: &Episode) -> Self {
-        let scene = episode.world().scene();
-        let ends = scene.walls().iter().flatten().copied();
-        let path = episode.track().iter().map(|pose| flat(pose.position));
-        let points = ends.chain(path);
-        let [low, high] = points.fold([Vec2::INFINITY, Vec2::NEG_INFINITY], |[l, h], p| [l.min(p), h.max(p)]);
-        let (low, high) = (low - MARGIN, high + MARGIN);
+    /// At a scale to look at closely, and what stands around it.
+    fn of(episode: &Episode) -> (Self, Frame) {
+        let [low, high] = bounds(episode);
         let longest = (high - low).max_element();
         let scale = (TARGET / longest).clamp(SCALE[0], SCALE[1]).min(LARGEST / longest);
         let frame = Frame::around((high - low) * scale);
-        Self { low, high, scale, corner: frame.corner(), frame }
+        (Self { low, high, scale, corner: frame.corner(), unit: frame.unit }, frame)
+    }
+
+    /// In the middle of a square of `side` pixels that begins at `corner`.
+    pub(super) fn within(episode: &Episode, corner: Vec2, side: f32) -> Self {
+        let [low, high] = bounds(episode);
+        let scale = (side / (high - low).max_element()).min(SCALE[1]);
+        let free = Vec2::splat(side) - (high - low) * scale;
+        Self { low, high, scale, corner: (corner + free / 2.0).round(), unit: 0.75 }
     }
 
     fn size(&self) -> Vec2 {
         (self.high - self.low) * self.scale
     }
 
-    fn pixel(&self, p: Vec2) -> Vec2 {
+    pub(super) fn pixel(&self, p: Vec2) -> Vec2 {
         self.corner + (self.high - p) * self.scale
     }
 
@@ -52,24 +57,37 @@ impl Plan {
     }
 }
 
-fn flat(p: Vec3) -> Vec2 {
+/// Of the walls and the way, metres.
+fn bounds(episode: &Episode) -> [Vec2; 2] {
+    let ends = episode.world().scene().walls().iter().flatten().copied();
+    let path = episode.track().iter().map(|pose| flat(pose.position));
+    let [low, high] = ends.chain(path).fold([Vec2::INFINITY, Vec2::NEG_INFINITY], |[l, h], p| [l.min(p), h.max(p)]);
+    [low - MARGIN, high + MARGIN]
+}
+
+pub(super) fn flat(p: Vec3) -> Vec2 {
     Vec2::new(p.x, p.z)
 }
 
 /// The episode so far, seen from above: points of the reconstruction, free space, true walls (seen or not), the path and
 /// its headings coloured by time. `title` heads the picture.
 pub fn topdown(episode: &Episode, title: &str) -> Rgb {
-    let plan = Plan::of(episode);
-    let mut image = plan.frame.blank();
-    let view = episode.view();
-    draw_free(&mut image, &plan, view.occupancy());
-    draw_points(&mut image, &plan, &view);
-    draw_walls(&mut image, &plan, episode);
+    let (plan, frame) = Plan::of(episode);
+    let mut image = frame.blank();
+    draw_map(&mut image, &plan, episode);
     draw_path(&mut image, &plan, episode);
     draw_ends(&mut image, &plan, episode.track());
-    plan.frame.head(&mut image, title, &facts(episode));
-    plan.frame.foot(&mut image, plan.scale, episode.steps());
+    frame.head(&mut image, title, &facts(episode));
+    frame.foot(&mut image, plan.scale, episode.steps());
     image
+}
+
+/// What is known of the map so far, and all walls.
+pub(super) fn draw_map(image: &mut Rgb, plan: &Plan, episode: &Episode) {
+    let view = episode.view();
+    draw_free(image, plan, view.occupancy());
+    draw_points(image, plan, &view);
+    draw_walls(image, plan, episode);
 }
 
 fn draw_free(image: &mut Rgb, plan: &Plan, grid: &OccupancyGrid) {
@@ -130,7 +148,7 @@ fn draw_walls(image: &mut Rgb, plan: &Plan, episode: &Episode) {
         let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dz| [x + dx, z + dz]));
         around.into_iter().any(|cell| view.occupancy().get(cell) == Cell::Occupied)
     };
-    let width = (0.07 * plan.scale).clamp(1.6, 3.2);
+    let width = (0.07 * plan.scale).clamp(1.6, 3.2) * plan.unit.min(1.0);
     for want_seen in [false, true] {
         for &[a, b] in episode.world().scene().walls() {
             let pieces = (a.distance(b) / PIECE).ceil().clamp(1.0, 1e5) as usize;
@@ -203,7 +221,7 @@ fn draw_path(image: &mut Rgb, plan: &Plan, episode: &Episode) {
 fn draw_ends(image: &mut Rgb, plan: &Plan, track: &[Pose]) {
     let (Some(first), Some(last)) = (track.first(), track.last()) else { return };
     let at = |pose: &Pose| plan.pixel(flat(pose.position));
-    let unit = plan.frame.unit;
+    let unit = plan.unit;
     let radius = (0.3 * plan.scale).clamp(6.0, 10.0) * unit;
     for (pose, time, name, below) in [(first, 0.0, "start", false), (last, 1.0, "end", true)] {
         let middle = at(pose);
@@ -245,7 +263,7 @@ mod tests {
             episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
         }
         let image = topdown(&episode, "two_rooms");
-        let plan = Plan::of(&episode);
+        let (plan, _) = Plan::of(&episode);
         assert_eq!(image.data.len(), image.width * image.height * 3);
         assert!(plan.scale >= 12.0);
         // The start is at small x and z: to the right and at the bottom; the end is further left.
