@@ -19,6 +19,7 @@ pub mod speed;
 pub mod export;
 pub mod picture;
 pub mod plot;
+pub mod report;
 pub mod table;
 
 pub use checkpoint::Settings;

@@ -86,10 +86,11 @@ fn a_network_walks_and_shows_its_plans() {
     let dir = tempfile::tempdir().unwrap();
     write_scenes(dir.path());
     write_checkpoint(dir.path());
-    let base = "rollout -q --scene scenes/a --steps 6 --checkpoint net --plans --out";
+    let base = "rollout -q --scene scenes/a --steps 6 --checkpoint net --plans --gif --out";
     let told = succeeds(dir.path(), &format!("{base} nbp --device flex"));
     assert_eq!(told.lines().count(), 1);
     assert!(dir.path().join("nbp/plans/0000_answered.png").is_file());
+    assert!(fs::read(dir.path().join("nbp/episode.gif")).unwrap().starts_with(b"GIF89a"));
     let weights = "net/model.safetensors --policy oracle-obstacles --set sim.keep=0.1";
     succeeds(dir.path(), &format!("{base} oracle --checkpoint {weights}").replace("--checkpoint net ", ""));
     assert_eq!(json(&dir.path().join("oracle/trajectory.json"))["policy"], "oracle-obstacles");
@@ -339,7 +340,10 @@ fn a_bench_has_the_same_bytes_in_shards_after_a_kill_and_on_any_threads() {
         "bench.json",
         "coverage-rooms.svg",
         "curves.csv",
+        "episode-rooms.svg",
         "episodes.csv",
+        "report.html",
+        "scatter-rooms.svg",
         "scenes/rooms/a.json",
         "scenes/rooms/b.json",
     ];

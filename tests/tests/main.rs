@@ -5,4 +5,5 @@
 mod input;
 mod layout;
 mod maps;
+mod report;
 mod training;

@@ -1,10 +1,9 @@
-//! What a complete bench becomes: tables, CSV files and plots. All but the times of decisions depend on the cells' results
+//! What a complete bench becomes: tables, CSV files, figures and a report. All but the times of decisions depend on the cells' results
 //! alone, so their bytes are those of any other run.
 
-use super::store::{BenchResult, RowInfo, SetResult, file_name};
+use super::store::{BenchResult, RowInfo, SetResult};
 use super::summary::{RowSummary, SetSummary, Spread, summarise};
-use crate::rollout::EpisodeRecord;
-use crate::{plot, table};
+use crate::{report, table};
 use nbp_env::metrics::{Difference, mean_std};
 use std::fmt::Write as _;
 
@@ -30,12 +29,9 @@ pub fn tables(result: &BenchResult) -> Result<Tables, serde_json::Error> {
         ("episodes.csv".to_owned(), episodes_csv(result)),
         ("curves.csv".to_owned(), curves_csv(result)),
         ("timing.csv".to_owned(), timing_csv(result)),
+        (report::FILE.to_owned(), report::html(result)),
     ];
-    for set in &result.sets {
-        let title = format!("Coverage on {}, mean of {} scenes", set.name, set.scenes.len());
-        let svg = plot::coverage(&title, &plot::series(&in_order(result, set)));
-        files.push((plot_name(&set.name), svg));
-    }
+    files.extend(report::figures(result));
     let blocks = summaries.iter().flat_map(|summary| {
         let tables = [first_table(summary), second_table(summary)].map(|lines| table::text_of(&lines));
         std::iter::once(heading(result, summary) + "\n").chain(tables)
@@ -44,18 +40,8 @@ pub fn tables(result: &BenchResult) -> Result<Tables, serde_json::Error> {
     Ok(Tables { files, text, times: table::text_of(&times(result)) })
 }
 
-/// Names of the files that [`tables`] makes of any bench; plots besides.
-pub const FILES: [&str; 5] = ["summary.json", "summary.md", "episodes.csv", "curves.csv", "timing.csv"];
-
-/// Name of the plot of a data set.
-pub fn plot_name(set: &str) -> String {
-    format!("coverage-{}.svg", file_name(set))
-}
-
-/// A set's episodes in the order of the rows.
-fn in_order(result: &BenchResult, set: &SetResult) -> Vec<EpisodeRecord> {
-    result.about.rows.iter().flat_map(|row| set.episodes_of(&row.name).cloned()).collect()
-}
+/// Names of the files that [`tables`] makes of any bench; figures besides.
+pub const FILES: [&str; 6] = ["summary.json", "summary.md", "episodes.csv", "curves.csv", "timing.csv", report::FILE];
 
 fn heading(result: &BenchResult, summary: &SetSummary) -> String {
     let starts = result.about.starts;
@@ -262,7 +248,7 @@ mod tests {
             assert_eq!(content == second, name != "timing.csv", "{name}");
         }
         let names: Vec<&str> = made.files.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, [&FILES[..], &["coverage-simple.svg"]].concat());
+        assert_eq!(names, [FILES.map(String::from).to_vec(), report::figure_names("simple").to_vec()].concat());
         let file = |name: &str| &made.files.iter().find(|(found, _)| found == name).unwrap().1;
         assert_eq!((file("episodes.csv").lines().count(), file("curves.csv").lines().count()), (1 + 6, 1 + 2 * 3));
         assert!(

@@ -14,7 +14,7 @@ use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
 use nbp_infer::bench::run::{self, Measures, Runner};
 use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
-use nbp_infer::{Settings, checkpoint, source};
+use nbp_infer::{Settings, checkpoint, report, source};
 use nbp_model::DeviceChoice;
 use nbp_model::weights::WEIGHTS_FILE;
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,8 +37,8 @@ Examples:
 OUT/cells has one file for each row in each scene of each data set, written as its last episode ends. The same command goes on
 where it stopped: what was computed with other settings, scenes, weights or programs is computed again, and so is what is
 damaged. Shards may run at the same time, on one machine or on several that share OUT. Whoever computes the last cell writes
-summary.md, summary.json, episodes.csv, curves.csv, coverage-SET.svg, whose bytes are the same in every order, and timing.csv.
-Times of decisions are what a clock says: measure them with --threads 1 on a machine that does nothing else.";
+report.html, summary.md, summary.json, episodes.csv, curves.csv and figures (SVG), whose bytes are the same in every order, and
+timing.csv. Times of decisions are what a clock says: measure them with --threads 1 on a machine that does nothing else.";
 
 /// Options of `infer bench`.
 #[derive(clap::Args)]
@@ -285,9 +285,8 @@ fn settle(out: &Output, manifest: &Manifest, is_merge: bool, talk: Talk) -> Resu
     talk.say(format!(
         "{folder} holds another bench: its cells are kept where they fit, its tables are removed until all is there"
     ));
-    for name in
-        tables::FILES.map(str::to_owned).into_iter().chain(old.sets.iter().map(|set| tables::plot_name(&set.name)))
-    {
+    let figures = old.sets.iter().flat_map(|set| report::figure_names(&set.name));
+    for name in tables::FILES.map(str::to_owned).into_iter().chain(figures) {
         let path = out.folder().join(name);
         if path.exists() {
             std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;

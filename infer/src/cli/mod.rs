@@ -7,6 +7,7 @@ mod import;
 mod output;
 mod overrides;
 mod predict;
+mod report;
 mod rollout;
 mod setup;
 mod speed;
@@ -25,6 +26,7 @@ Examples:
   cargo run -p infer -- eval --scenes maps/simple/test --policies random,fbe,nbp --checkpoint runs/quickstart/checkpoints/best --out out/eval
   cargo run -p infer -- bench --config configs/bench/aimdoom.toml --out out/bench
   cargo run -p infer -- bench --config configs/bench/aimdoom.toml --data simple=maps/mine --shard 1/2 --out out/mine
+  cargo run -p infer -- report --bench out/bench --out report.html
   cargo run -p infer -- speed --scenes maps/simple --threads 2 --json
   cargo run -p infer -- eval --config configs/continuous/matterport.toml --scenes maps/simple --out out/continuous
   cargo run -p infer -- import nbp_weights.pth --out checkpoints/released
@@ -70,6 +72,8 @@ enum Command {
     Eval(eval::Args),
     /// Compare rows of policies, networks and settings on data sets: resumable, in shards
     Bench(bench::Args),
+    /// Show a finished bench as one HTML page: tables, curves, episodes
+    Report(report::Args),
     /// Run the network on tensors, for comparison with other frameworks
     Predict(predict::Args),
     /// Measure how fast the simulator is in scenes of your own
@@ -89,6 +93,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Eval(args) => eval::run(&args, common.device, talk),
         Command::Bench(args) => bench::run(&args, common.device, talk),
         Command::Speed(args) => speed::run(&args, common.threads.map(usize::from), talk),
+        Command::Report(args) => report::run(&args, talk),
         Command::Predict(args) => predict::run(&args, common.device, talk),
         Command::Import(args) => import::run(&args, talk),
         Command::Export(args) => export::run(&args, common.device, talk),
