@@ -27,7 +27,7 @@ pub(super) fn run(args: &Args, talk: Talk) -> Result<()> {
     let result = BenchResult::load(&args.bench).context("cannot use the bench")?;
     let (out, name) = Output::for_file(&path)?;
     let page = report::html(&result);
-    let size = page.len() as f64 / 1e6;
+    let size = page.len() / 1000;
     out.write(&name, page)?;
     if args.figures {
         for (name, svg) in report::figures(&result) {
@@ -35,5 +35,5 @@ pub(super) fn run(args: &Args, talk: Talk) -> Result<()> {
             talk.say(format!("wrote {}", out.folder().join(name).display()));
         }
     }
-    Ok(show(format_args!("{}: {size:.1} MB, opens in any browser", path.display()))?)
+    Ok(show(format_args!("{}: {size} kB, opens in any browser", path.display()))?)
 }
