@@ -193,13 +193,13 @@ impl BenchConfig {
             all.extend(text.as_ref().parse::<toml::Table>()?);
         }
         let config: Self = all.try_into()?;
+        config.check()?;
         let rows: BTreeSet<&str> = config.policies.iter().map(|row| row.name.as_str()).collect();
         for set in &config.data {
             if let Some(row) = set.paper.keys().find(|row| !rows.contains(row.as_str())) {
                 return wrong(format!("data set {}: paper names {row}, which is no row", set.name));
             }
         }
-        config.check()?;
         Ok(config)
     }
 
@@ -252,7 +252,10 @@ impl BenchConfig {
 
     fn check(&self) -> Result<(), ConfigError> {
         if self.data.is_empty() || self.policies.is_empty() {
-            return wrong("a bench needs at least one [[data]] and one [[policies]]");
+            return wrong(
+                "a bench needs at least one [[data]] and one [[policies]]: where a configuration has only one of them, give another \
+                 before it (--config configs/bench/aimdoom.toml --config FILE)",
+            );
         }
         if self.starts == 0 {
             return wrong("starts is 0: it must be at least 1");
