@@ -1,22 +1,29 @@
 //! From a checkpoint's folder to a network and the settings that it was trained with.
 //!
-//! The trainer leaves two notes in the `meta` of a checkpoint's `config.json`: [`SIM`], the simulator, and [`POLICY`], how
-//! its maps become paths. Where one is missing the defaults hold, with the checkpoint's own window.
+//! The trainer leaves notes in the `meta` of a checkpoint's `config.json`: [`SIM`], the simulator, and [`POLICY`], how its maps
+//! become paths, or [`NBV`], what a next-best-view baseline is asked. Where one is missing the defaults hold, with the
+//! checkpoint's own window.
 
 use nbp_env::SimConfig;
 use nbp_env::encode::Trajectory;
+use nbp_env::nbv::NbvConfig;
 use nbp_env::policy::nbp::NbpConfig;
 use nbp_env::policy::search::SearchConfig;
+use nbp_model::scone::SconePredictor;
+use nbp_model::weights::scone::{self, Baseline, SconeDescription};
 use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
 use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor, device_name};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// Key of the simulator's settings in a checkpoint's `meta`.
 pub const SIM: &str = "sim";
 /// Key of the policy's settings in a checkpoint's `meta`.
 pub const POLICY: &str = "policy";
+
+/// Key of the next-best-view baselines' settings in a checkpoint's `meta`.
+pub const NBV: &str = "nbv";
 
 /// Obstacle threshold of the released code.
 const RELEASED_THRESHOLD: f32 = 0.13;
@@ -31,6 +38,8 @@ pub struct Settings {
     pub policy: NbpConfig,
     /// How far `oracle-beam` looks ahead.
     pub search: SearchConfig,
+    /// What the networks of the next-best-view baselines are asked.
+    pub nbv: NbvConfig,
 }
 
 /// A checkpoint in use.
@@ -40,6 +49,14 @@ pub struct Loaded {
     /// Its description.
     pub config: CheckpointConfig,
     /// Where it computes, for logs.
+    pub device: String,
+}
+
+/// A checkpoint of `scone` or `macarons` in use.
+pub struct LoadedScone {
+    /// The networks.
+    pub predictor: SconePredictor,
+    /// Where they compute, for logs.
     pub device: String,
 }
 
@@ -54,6 +71,16 @@ pub enum CheckpointError {
         /// What to do.
         hint: String,
     },
+    /// The network of another policy.
+    #[error("{path} holds the network of {found}, not of {wanted}: give a checkpoint of {wanted}")]
+    Other {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Its architecture.
+        found: String,
+        /// What the policy needs.
+        wanted: String,
+    },
     /// Damaged, or from another architecture.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -65,7 +92,7 @@ pub enum CheckpointError {
     Meta {
         /// The `config.json`.
         path: PathBuf,
-        /// [`SIM`] or [`POLICY`].
+        /// [`SIM`], [`POLICY`] or [`NBV`].
         key: &'static str,
         /// Why.
         reason: String,
@@ -119,13 +146,49 @@ pub fn folder(path: &Path) -> Result<PathBuf, CheckpointError> {
 pub fn read(path: &Path) -> Result<(CheckpointConfig, Settings), CheckpointError> {
     let dir = folder(path)?;
     let config = weights::read_config(&dir)?;
-    let settings = settings_of(&config).map_err(|(key, reason)| CheckpointError::Meta {
-        path: dir.join(CONFIG_FILE),
-        key,
-        reason,
-    })?;
+    let settings = settings_of(&config).map_err(meta(&dir))?;
     check(&config, &settings.sim)?;
     Ok((config, settings))
+}
+
+/// The same for a checkpoint of `scone` or `macarons`.
+///
+/// # Errors
+/// When it is not one, or its notes cannot be read.
+pub fn read_scone(path: &Path) -> Result<(SconeDescription, Settings), CheckpointError> {
+    let dir = folder(path)?;
+    let config = scone::read_config(&dir)?;
+    let settings = scone_settings_of(&config).map_err(meta(&dir))?;
+    Ok((config, settings))
+}
+
+/// Settings of a checkpoint of this architecture, and what its maps must look like if it has maps.
+///
+/// # Errors
+/// When it is of another architecture, or its notes cannot be read.
+pub fn read_as(architecture: &str, path: &Path) -> Result<(Option<CheckpointConfig>, Settings), CheckpointError> {
+    let found = self::architecture(path)?;
+    if found != architecture {
+        let (path, wanted) = (path.to_owned(), architecture.to_owned());
+        return Err(CheckpointError::Other { path, found, wanted });
+    }
+    match Baseline::named(architecture) {
+        Some(_) => read_scone(path).map(|(_, settings)| (None, settings)),
+        None => read(path).map(|(config, settings)| (Some(config), settings)),
+    }
+}
+
+/// What a checkpoint holds: `nbp`, `scone` or `macarons`, or what a newer program calls it.
+///
+/// # Errors
+/// When it is no checkpoint.
+pub fn architecture(path: &Path) -> Result<String, CheckpointError> {
+    Ok(weights::architecture(&folder(path)?)?)
+}
+
+fn meta(dir: &Path) -> impl FnOnce((&'static str, String)) -> CheckpointError {
+    let path = dir.join(CONFIG_FILE);
+    |(key, reason)| CheckpointError::Meta { path, key, reason }
 }
 
 /// The network of a checkpoint on a device.
@@ -138,6 +201,16 @@ pub fn load(path: &Path, device: DeviceChoice) -> Result<Loaded, CheckpointError
     let predictor = NetPredictor::load(&dir, &device)?;
     let (config, device) = (predictor.config().clone(), device_name(&device));
     Ok(Loaded { predictor, config, device })
+}
+
+/// The networks of a checkpoint of `scone` or `macarons` on a device.
+///
+/// # Errors
+/// When it is not one, is damaged, or the device does not work.
+pub fn load_scone(path: &Path, device: DeviceChoice) -> Result<LoadedScone, CheckpointError> {
+    let dir = folder(path)?;
+    let device = device.resolve_for("infer")?;
+    Ok(LoadedScone { predictor: SconePredictor::load(&dir, &device)?, device: device_name(&device) })
 }
 
 /// Whether the simulator shows what the network was trained to see.
@@ -167,6 +240,16 @@ pub fn remember(config: &mut CheckpointConfig, settings: &Settings) -> Result<()
     Ok(())
 }
 
+/// The same for a checkpoint of `scone` or `macarons`, for [`read_scone`] to find.
+///
+/// # Errors
+/// As [`remember`].
+pub fn remember_scone(config: &mut SconeDescription, settings: &Settings) -> Result<(), serde_json::Error> {
+    config.meta.insert(SIM.into(), plain(&settings.sim)?);
+    config.meta.insert(NBV.into(), plain(&settings.nbv)?);
+    Ok(())
+}
+
 /// A value as JSON for people: `0.13` stays `0.13`, which the direct way to a [`Value`] would widen to the nearest `f64`.
 ///
 /// # Errors
@@ -188,28 +271,42 @@ fn settings_of(config: &CheckpointConfig) -> Result<Settings, (&'static str, Str
     let mut settings = Settings::default();
     settings.sim.encode.window = config.window;
     settings.sim.encode.layers.count = config.net.layers();
-    if let Some(sim) = note(config, SIM)? {
+    if let Some(sim) = note(&config.meta, SIM)? {
         settings.sim = sim;
     }
-    if let Some(policy) = note(config, POLICY)? {
+    if let Some(policy) = note(&config.meta, POLICY)? {
         settings.policy = policy;
     }
     settings.sim.validate().map_err(|error| (SIM, error.to_string()))?;
     Ok(settings)
 }
 
+fn scone_settings_of(config: &SconeDescription) -> Result<Settings, (&'static str, String)> {
+    let mut settings = Settings::default();
+    if let Some(sim) = note(&config.meta, SIM)? {
+        settings.sim = sim;
+    }
+    if let Some(nbv) = note(&config.meta, NBV)? {
+        settings.nbv = nbv;
+    }
+    settings.sim.validate().map_err(|error| (SIM, error.to_string()))?;
+    settings.nbv.validate().map_err(|error| (NBV, error.to_string()))?;
+    Ok(settings)
+}
+
 fn note<T: for<'a> Deserialize<'a>>(
-    config: &CheckpointConfig,
+    meta: &Map<String, Value>,
     key: &'static str,
 ) -> Result<Option<T>, (&'static str, String)> {
     let parse = |value: &Value| T::deserialize(value).map_err(|error| (key, error.to_string()));
-    config.meta.get(key).map(parse).transpose()
+    meta.get(key).map(parse).transpose()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use nbp_env::window::WindowSize;
+    use nbp_model::scone::{Scone, SconeConfig};
     use std::fs;
 
     fn small() -> CheckpointConfig {
@@ -251,6 +348,31 @@ mod tests {
         write(dir.path(), &config);
         let error = read(dir.path()).unwrap_err().to_string();
         assert!(error.contains("meta.sim") && error.contains("keeep"), "{error}");
+    }
+
+    #[test]
+    fn baselines_remember_what_they_are_asked() {
+        let dir = tempfile::tempdir().unwrap();
+        let net = SconeConfig { width: 16, ..SconeConfig::default() };
+        let mut config = SconeDescription::new(Baseline::Macarons, net);
+        let nbv = NbvConfig { carving: 5.0, ..NbvConfig::default() };
+        let mine = Settings { nbv, ..Settings::default() };
+        remember_scone(&mut config, &mine).unwrap();
+        let device = DeviceChoice::Flex.resolve().unwrap();
+        scone::save(dir.path(), &Scone::new(&net, 1, &device).unwrap(), &config).unwrap();
+        assert_eq!(architecture(dir.path()).unwrap(), "macarons");
+        assert_eq!(read_scone(&dir.path().join(WEIGHTS_FILE)).unwrap(), (config.clone(), mine));
+        assert_eq!(*load_scone(dir.path(), DeviceChoice::Flex).unwrap().predictor.config(), config);
+        let error = read(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("(macarons), not the nbp network"), "{error}");
+        assert!(read_as("macarons", dir.path()).unwrap().0.is_none());
+        let error = read_as("scone", dir.path()).unwrap_err().to_string();
+        assert!(error.contains("holds the network of macarons, not of scone"), "{error}");
+
+        config.meta.insert(NBV.into(), serde_json::json!({"draws": 0}));
+        scone::save(dir.path(), &Scone::new(&net, 1, &device).unwrap(), &config).unwrap();
+        let error = read_as("macarons", dir.path()).unwrap_err().to_string();
+        assert!(error.contains("meta.nbv cannot be read: draws is 0"), "{error}");
     }
 
     #[test]

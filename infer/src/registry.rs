@@ -1,9 +1,11 @@
 //! Every policy by its name: a new one is a file in `env/src/policy`, a variant and an arm here.
 
 use crate::checkpoint::Settings;
+use nbp_env::nbv::{NbvConfig, NbvPredictor};
 use nbp_env::policy::fbe::{self, Fbe};
 use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
 use nbp_env::policy::oracle::OracleObstacles;
+use nbp_env::policy::scone::Scone;
 use nbp_env::policy::search::{OracleSearch, SearchConfig, SearchConfigError};
 use nbp_env::policy::{Plan, PolicyError, random::Random, random_nbv::RandomNbv};
 use nbp_env::{Action, MapView, Motion, Policy, Predictor, Rng, World};
@@ -26,6 +28,10 @@ pub enum PolicyKind {
     FbeGain,
     /// A tour of all frontiers.
     FbeTsp,
+    /// The next best view, by networks that learnt from the truth.
+    Scone,
+    /// The next best view, by networks that learnt from what they saw.
+    Macarons,
     /// The network's value and obstacle maps.
     Nbp,
     /// The network's value map on the true obstacle map (paper, Table 4).
@@ -45,12 +51,47 @@ pub struct PolicyContext {
     pub nbp: NbpConfig,
     /// How far `oracle-beam` looks ahead.
     pub search: SearchConfig,
+    /// The networks of `scone`.
+    pub scone: Option<NbvNetworks>,
+    /// The networks of `macarons`.
+    pub macarons: Option<NbvNetworks>,
+}
+
+/// The networks of a next-best-view baseline, and what they are asked.
+#[derive(Clone)]
+pub struct NbvNetworks {
+    /// The networks.
+    pub predictor: Arc<dyn NbvPredictor>,
+    /// Sizes and distances that they were trained with.
+    pub config: NbvConfig,
+}
+
+/// A checkpoint's network behind its seam.
+#[derive(Clone)]
+pub enum Network {
+    /// Of `nbp`.
+    Maps(Arc<dyn Predictor>),
+    /// Of `scone` or `macarons`.
+    Views(Arc<dyn NbvPredictor>),
 }
 
 impl PolicyContext {
-    /// Of settings, with the network if there is one.
-    pub fn new(settings: &Settings, predictor: Option<Arc<dyn Predictor>>) -> Self {
-        Self { predictor, nbp: settings.policy, search: settings.search }
+    /// Of settings, for policies without a network.
+    pub fn new(settings: &Settings) -> Self {
+        Self { nbp: settings.policy, search: settings.search, ..Self::default() }
+    }
+
+    /// The same with a network for policies of this kind, which those of next best views ask so.
+    #[must_use]
+    pub fn with(mut self, kind: PolicyKind, network: Network, config: NbvConfig) -> Self {
+        match network {
+            Network::Maps(predictor) => self.predictor = Some(predictor),
+            Network::Views(predictor) if kind == PolicyKind::Macarons => {
+                self.macarons = Some(NbvNetworks { predictor, config });
+            }
+            Network::Views(predictor) => self.scone = Some(NbvNetworks { predictor, config }),
+        }
+        self
     }
 }
 
@@ -64,7 +105,10 @@ pub enum RegistryError {
         name: String,
     },
     /// It asks a network, and there is none.
-    #[error("policy {0} needs a network: give a checkpoint (--checkpoint DIR)")]
+    #[error(
+        "policy {0} needs a network: give a checkpoint of {net} (--checkpoint DIR)",
+        net = .0.architecture().unwrap_or("it")
+    )]
     NeedsNetwork(PolicyKind),
     /// It cannot search so.
     #[error(transparent)]
@@ -73,12 +117,14 @@ pub enum RegistryError {
 
 impl PolicyKind {
     /// All policies, baselines first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Random,
         Self::RandomNbv,
         Self::Fbe,
         Self::FbeGain,
         Self::FbeTsp,
+        Self::Scone,
+        Self::Macarons,
         Self::Nbp,
         Self::OracleObstacles,
         Self::OracleGreedy,
@@ -93,6 +139,8 @@ impl PolicyKind {
             Self::Fbe => "fbe",
             Self::FbeGain => "fbe-gain",
             Self::FbeTsp => "fbe-tsp",
+            Self::Scone => "scone",
+            Self::Macarons => "macarons",
             Self::Nbp => "nbp",
             Self::OracleObstacles => "oracle-obstacles",
             Self::OracleGreedy => "oracle-greedy",
@@ -107,7 +155,17 @@ impl PolicyKind {
 
     /// Whether it asks a network.
     pub fn needs_network(self) -> bool {
-        matches!(self, Self::Nbp | Self::OracleObstacles)
+        self.architecture().is_some()
+    }
+
+    /// The architecture of the checkpoint that it needs, if any.
+    pub fn architecture(self) -> Option<&'static str> {
+        match self {
+            Self::Nbp | Self::OracleObstacles => Some("nbp"),
+            Self::Scone => Some("scone"),
+            Self::Macarons => Some("macarons"),
+            _ => None,
+        }
     }
 }
 
@@ -136,12 +194,18 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
         let passability = Passability::in_inference(&context.nbp, world);
         Nbp::new(predictor, context.nbp, passability, world.config().encode.trajectory)
     };
+    let nbv = |networks: &Option<NbvNetworks>| {
+        let NbvNetworks { predictor, config } = networks.clone().ok_or(RegistryError::NeedsNetwork(kind))?;
+        Ok::<_, RegistryError>(Named { kind, inner: Scone::new(predictor, config, world) })
+    };
     Ok(match kind {
         PolicyKind::Random => Box::new(Random),
         PolicyKind::RandomNbv => Box::new(RandomNbv),
         PolicyKind::Fbe => Box::new(Fbe::new(fbe::Rule::Nearest)),
         PolicyKind::FbeGain => Box::new(Fbe::new(fbe::Rule::Gain)),
         PolicyKind::FbeTsp => Box::new(Fbe::new(fbe::Rule::Tsp)),
+        PolicyKind::Scone => Box::new(nbv(&context.scone)?),
+        PolicyKind::Macarons => Box::new(nbv(&context.macarons)?),
         PolicyKind::Nbp => Box::new(nbp(network()?)),
         PolicyKind::OracleGreedy => Box::new(OracleSearch::greedy(Arc::clone(world))),
         PolicyKind::OracleBeam => {
@@ -186,6 +250,7 @@ impl<P: Policy> Policy for Named<P> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use nbp_env::nbv::{CandidateInput, OccupancyInput};
     use nbp_env::{EncoderInput, ObstacleMap, PredictError, Prediction, Scene, SimConfig, ValueMap};
 
     /// Promises most far from the start and sees no walls: a network's stand-in.
@@ -205,8 +270,23 @@ pub(crate) mod tests {
         }
     }
 
+    /// Expects most where most may be.
+    struct Mass;
+
+    impl NbvPredictor for Mass {
+        fn occupancy(&self, inputs: &[OccupancyInput]) -> Result<Vec<Vec<f32>>, PredictError> {
+            Ok(inputs.iter().map(|input| vec![0.5; input.queries.len()]).collect())
+        }
+
+        fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
+            Ok(candidates.iter().map(|candidate| candidate.mass).collect())
+        }
+    }
+
     pub(crate) fn with_network() -> PolicyContext {
-        PolicyContext { predictor: Some(Arc::new(Wanderer)), ..PolicyContext::default() }
+        let mass = Some(NbvNetworks { predictor: Arc::new(Mass), config: NbvConfig::default() });
+        let (scone, macarons) = (mass.clone(), mass);
+        PolicyContext { predictor: Some(Arc::new(Wanderer)), scone, macarons, ..PolicyContext::default() }
     }
 
     #[test]
@@ -217,6 +297,9 @@ pub(crate) mod tests {
             assert_eq!(build(kind, &with_network(), &world).unwrap().name(), kind.name());
             let blind = build(kind, &PolicyContext::default(), &world);
             assert_eq!(blind.is_err(), kind.needs_network());
+            if let (Err(error), Some(net)) = (blind, kind.architecture()) {
+                assert!(error.to_string().contains(&format!("a checkpoint of {net}")), "{error}");
+            }
         }
         let search = SearchConfig { width: 0, ..SearchConfig::default() };
         let blind = PolicyContext { search, ..PolicyContext::default() };
@@ -224,6 +307,9 @@ pub(crate) mod tests {
         assert!(error.contains("search.width is 0: it must be 1 to"), "{error}");
         assert!(build(PolicyKind::OracleGreedy, &blind, &world).is_ok());
         let error = "greedy".parse::<PolicyKind>().unwrap_err().to_string();
-        assert!(error.contains("random, random-nbv, fbe, fbe-gain, fbe-tsp, nbp, oracle-obstacles"), "{error}");
+        assert!(
+            error.contains("random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles"),
+            "{error}"
+        );
     }
 }

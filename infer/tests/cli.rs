@@ -209,7 +209,7 @@ fn bad_input_is_an_error_that_says_what_to_do() {
     let rollout = "rollout --policy fbe --steps 3 --out o --scene";
     for (args, code, says) in [
         ("", 2, "Usage"),
-        ("rollout --scene scenes/a --out o --policy greedy", 2, "random, fbe, nbp, oracle-obstacles"),
+        ("rollout --scene scenes/a --out o --policy greedy", 2, "scone, macarons, nbp, oracle-obstacles"),
         ("rollout --scene scenes/a --out o --policy nbp", 2, "give --checkpoint DIR"),
         ("rollout --scene scenes/a --out o --policy fbe --device gpu", 2, "auto, flex"),
         ("rollout --scene scenes/a --out o --policy fbe --start 99", 1, "5 start poses"),

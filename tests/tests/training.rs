@@ -147,3 +147,76 @@ fn numbers_that_are_not_finite_stop_before_the_weights_move() {
     let arguments = [SMOKE, &["--run", run_folder.to_str().unwrap(), "--set", "optim.lr=1e30"]].concat();
     refuse("train", &arguments, &["loss", "NaN", "step"]);
 }
+
+/// A baseline in seconds: two maps, small sensors, narrow networks.
+const RECIPE: &[&str] = &[
+    "--set",
+    "scenes=[{level='simple', count=2, seed=1}]",
+    "--set",
+    "sim.camera={width=64, height=36}",
+    "--set",
+    "net.width=16",
+    "--set",
+    "nbv={proxies=1500, cloud_points=64, draws=12, queries=16}",
+    "--set",
+    "collect={steps=20, queries=24}",
+    "--set",
+    "train={rounds=2, steps=3, batch=3, checkpoint_minutes=0.0001}",
+];
+
+fn train_recipe(recipe: &str, folder: &Path, more: &[&str]) -> String {
+    succeed("train", &[&["--recipe", recipe, "--run", folder.to_str().unwrap()], RECIPE, more].concat())
+}
+
+#[test]
+fn baselines_are_trained_on_any_number_of_threads_and_whatever_kills_them_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for recipe in ["scone", "macarons"] {
+        let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(format!("{recipe}-{name}")));
+        let told = train_recipe(recipe, &whole, &["--threads", "1"]);
+        assert!(told.contains("6 steps"), "{told}");
+        for wait in [200, 600, 1200] {
+            let run = ["--recipe", recipe, "--run", killed.to_str().unwrap()];
+            let arguments = [&run, RECIPE].concat();
+            let mut child =
+                program("train").args(arguments).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+            sleep(Duration::from_millis(wait));
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+        train_recipe(recipe, &killed, &["--threads", "3"]);
+        for which in ["last", "best"] {
+            assert!(weights(&whole, which) == weights(&killed, which), "{recipe}, {which}");
+        }
+        let metrics = fs::read_to_string(whole.join("metrics.jsonl")).unwrap();
+        for key in ["train/occupancy", "train/gains", "validation/gains", "collect/samples"] {
+            assert!(metrics.contains(key), "{key}");
+        }
+        let config = fs::read_to_string(whole.join("checkpoints/best/config.json")).unwrap();
+        assert!(config.contains(&format!("\"architecture\": \"{recipe}\"")) && config.contains("carving"), "{config}");
+        assert!(train_recipe(recipe, &whole, &[]).contains("6 steps"), "a finished run says what it came to");
+    }
+    let scone = folder.path().join("scone-whole");
+    let other = [&["--recipe", "macarons", "--run", scone.to_str().unwrap()], RECIPE].concat();
+    refuse("train", &other, &["collect.teacher", "--run"]);
+    let nbp = [SMOKE, &["--run", scone.to_str().unwrap()]].concat();
+    refuse("train", &nbp, &["config.toml"]);
+
+    // Both at once, and what happens without them.
+    let maps = folder.path().join("maps");
+    let generate = ["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", maps.to_str().unwrap()];
+    succeed("dataset", &generate);
+    let checkpoint =
+        |recipe: &str| folder.path().join(format!("{recipe}-whole/checkpoints/best")).display().to_string();
+    let out = folder.path().join("out").display().to_string();
+    let eval = ["eval", "--scenes", maps.to_str().unwrap(), "--out", &out, "--steps", "4", "--starts", "1"];
+    let [scone, macarons] = ["scone", "macarons"].map(checkpoint);
+    let table = succeed("infer", &[&eval[..], &["--checkpoint", &scone, "--checkpoint", &macarons]].concat());
+    assert!(table.contains("scone") && table.contains("macarons") && !table.contains("nbp"), "{table}");
+    let refused = |more: &[&str], needles: &[&str]| refuse("infer", &[&eval[..], more].concat(), needles);
+    let (code, _, talk) = run("infer", &[&eval[..], &["--policies", "scone", "--checkpoint", &macarons]].concat());
+    assert!(code == 2 && talk.contains("scone needs a network") && talk.contains("not of macarons"), "{talk}");
+    refused(&["--checkpoint", &scone, "--checkpoint", &scone], &["both hold scone networks"]);
+    let steered = ["--policies", "scone", "--checkpoint", &scone, "--set", "nbv.draws=0"];
+    refused(&steered, &["draws is 0"]);
+}

@@ -4,10 +4,12 @@ use crate::clock::Spent;
 use crate::plateau::Plateau;
 use crate::step::Learner;
 use crate::validate::Validation;
-use burn::module::Module as _;
+use burn::module::Module;
+use burn::optim::ModuleOptimizer;
 use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Device};
 use nbp_model::{AdamW, CheckpointConfig, Nbp, NetConfig, WeightsError, weights};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -81,8 +83,8 @@ fn spent<'de, D: Deserializer<'de>>(from: D) -> Result<Spent, D::Error> {
 
 /// `state.json`: progress, and what the other files must be.
 #[derive(Serialize, Deserialize)]
-struct State {
-    progress: Progress,
+struct State<P> {
+    progress: P,
     crc32: BTreeMap<String, u32>,
 }
 
@@ -132,22 +134,37 @@ pub fn save(
     progress: &Progress,
     describe: &CheckpointConfig,
 ) -> Result<(), CheckpointError> {
+    let publish = |aside: &Path| weights::save(aside, &learner.net, describe);
+    replace(folder, publish, &learner.net, &learner.optim, progress)
+}
+
+/// Replaces a checkpoint by another one of any network; `publish` writes the files that other programs read.
+///
+/// # Errors
+/// As [`save`].
+pub fn replace(
+    folder: &Path,
+    publish: impl FnOnce(&Path) -> Result<(), WeightsError>,
+    net: &impl Module,
+    optim: &ModuleOptimizer,
+    progress: &impl Serialize,
+) -> Result<(), CheckpointError> {
     let aside = sibling(folder, "new");
     remove(&aside)?;
     fs::create_dir_all(&aside).map_err(|e| io(&aside, e))?;
-    weights::save(&aside, &learner.net, describe)?;
+    publish(&aside)?;
     let damaged = |name: &str, e: &dyn std::fmt::Display| CheckpointError::Damaged {
         path: aside.join(name),
         reason: e.to_string(),
     };
-    let record = learner.net.clone().into_record().into_bytes().map_err(|e| damaged(RECORD_FILE, &e))?;
-    let moments = learner.optim.into_bytes().map_err(|e| damaged(OPTIMISER_FILE, &e))?;
+    let record = net.clone().into_record().into_bytes().map_err(|e| damaged(RECORD_FILE, &e))?;
+    let moments = optim.into_bytes().map_err(|e| damaged(OPTIMISER_FILE, &e))?;
     let mut crc32 = BTreeMap::new();
     for (name, bytes) in [(RECORD_FILE, &record[..]), (OPTIMISER_FILE, &moments[..])] {
         weights::write_atomic(&aside.join(name), bytes).map_err(|e| io(&aside.join(name), e))?;
         crc32.insert(name.to_string(), crc32fast::hash(bytes));
     }
-    let state = State { progress: progress.clone(), crc32 };
+    let state = State { progress, crc32 };
     let text = serde_json::to_vec_pretty(&state).map_err(|e| damaged(STATE_FILE, &e))?;
     weights::write_atomic(&aside.join(STATE_FILE), &text).map_err(|e| io(&aside, e))?;
     let old = sibling(folder, "old");
@@ -187,9 +204,25 @@ pub fn load(
     optim: &AdamW,
     device: &Device,
 ) -> Result<(Learner, Progress), CheckpointError> {
+    let damaged = |reason: String| CheckpointError::Damaged { path: folder.join(RECORD_FILE), reason };
+    let blank = Nbp::new(config, 0, device).map_err(|e| damaged(e.to_string()))?;
+    let (net, optim, progress) = restore::<_, Progress>(folder, blank, optim)?;
+    let learner = Learner { net, optim, config: *config, device: device.clone(), steps: progress.steps };
+    Ok((learner, progress))
+}
+
+/// The network, moments and progress that [`replace`] left; `blank` is a network of the same shape.
+///
+/// # Errors
+/// As [`load`].
+pub fn restore<M: Module, P: DeserializeOwned>(
+    folder: &Path,
+    blank: M,
+    optim: &AdamW,
+) -> Result<(M, ModuleOptimizer, P), CheckpointError> {
     let read = |name: &str| fs::read(folder.join(name)).map_err(|e| io(&folder.join(name), e));
     let damaged = |name: &str, reason: String| CheckpointError::Damaged { path: folder.join(name), reason };
-    let state: State = serde_json::from_slice(&read(STATE_FILE)?).map_err(|e| damaged(STATE_FILE, e.to_string()))?;
+    let state: State<P> = serde_json::from_slice(&read(STATE_FILE)?).map_err(|e| damaged(STATE_FILE, e.to_string()))?;
     let checked = |name: &str| {
         let bytes = read(name)?;
         match state.crc32.get(name) {
@@ -198,14 +231,11 @@ pub fn load(
         }
     };
     let record = ModuleRecord::from_bytes(checked(RECORD_FILE)?).map_err(|e| damaged(RECORD_FILE, e.to_string()))?;
-    let net = Nbp::new(config, 0, device)
-        .map_err(|e| damaged(RECORD_FILE, e.to_string()))?
-        .try_load_record(record)
-        .map_err(|e| damaged(RECORD_FILE, format!("it is of another network: {e}")))?;
+    let net =
+        blank.try_load_record(record).map_err(|e| damaged(RECORD_FILE, format!("it is of another network: {e}")))?;
     let optim =
         optim.init().from_bytes(checked(OPTIMISER_FILE)?).map_err(|e| damaged(OPTIMISER_FILE, e.to_string()))?;
-    let learner = Learner { net, optim, config: *config, device: device.clone(), steps: state.progress.steps };
-    Ok((learner, state.progress))
+    Ok((net, optim, state.progress))
 }
 
 fn sibling(folder: &Path, suffix: &str) -> PathBuf {
@@ -238,7 +268,7 @@ mod tests {
             },
             "crc32": {}
         }"#;
-        let progress = serde_json::from_str::<State>(old).unwrap().progress;
+        let progress = serde_json::from_str::<State<Progress>>(old).unwrap().progress;
         assert_eq!(progress.spent, Spent { wall: 12.25, ..Spent::default() });
         assert_eq!(progress.spent.tell(2), "training took 12 s");
         let spent = Spent { network: 3.0, ..progress.spent };

@@ -7,6 +7,7 @@ use nbp_env::policy::nbp::NbpConfig;
 use nbp_env::{Heading, SimConfig};
 use nbp_infer::registry::PolicyKind;
 use nbp_model::{AdamW, DeviceChoice, InputScale, NetConfig, Tasks};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -251,7 +252,7 @@ impl Default for EvalSection {
 const MAX_BATCH: usize = 256;
 
 /// A year.
-const MAX_MINUTES: f64 = 525_600.0;
+pub(crate) const MAX_MINUTES: f64 = 525_600.0;
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -298,22 +299,7 @@ impl Config {
     /// # Errors
     /// Naming the file or setting, the line and the key.
     pub fn load(files: &[PathBuf], settings: &[String]) -> Result<Self, ConfigError> {
-        // From the defaults, not from nothing: a file that names one key of a table leaves the others as they are.
-        let mut whole = toml::Table::try_from(Self::default())
-            .map_err(|e| ConfigError::Schema { origin: "defaults".into(), reason: e.to_string() })?;
-        for path in files {
-            let text =
-                std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
-            merge(&mut whole, parse(&text, &path.display().to_string())?);
-        }
-        for setting in settings {
-            merge(&mut whole, parse_setting(setting)?);
-        }
-        let origins = files.iter().map(|p| p.display().to_string()).chain(settings.iter().cloned());
-        let origin = origins.collect::<Vec<_>>().join(", ");
-        let config: Self = whole
-            .try_into()
-            .map_err(|e: toml::de::Error| ConfigError::Schema { origin, reason: e.to_string().trim().into() })?;
+        let config: Self = stack(files, settings)?;
         config.validate()?;
         Ok(config)
     }
@@ -424,29 +410,59 @@ impl Config {
     /// # Errors
     /// When a setting has no TOML form.
     pub fn to_toml(&self) -> Result<String, ConfigError> {
-        toml::to_string_pretty(self)
-            .map_err(|e| ConfigError::Schema { origin: "resolved configuration".into(), reason: e.to_string() })
+        to_toml(self)
     }
 
     /// Settings in which two configurations differ, as `key: here → there` lines.
     pub fn differences(&self, other: &Self) -> Vec<String> {
-        let flat = |config: &Self| {
-            let mut lines = Vec::new();
-            if let Ok(value) = toml::Value::try_from(config) {
-                flatten("", &value, &mut lines);
-            }
-            lines.into_iter().collect::<std::collections::BTreeMap<_, _>>()
-        };
-        let (here, there) = (flat(self), flat(other));
-        let keys: std::collections::BTreeSet<&String> = here.keys().chain(there.keys()).collect();
-        let shown = |side: &std::collections::BTreeMap<String, String>, key: &String| {
-            side.get(key).cloned().unwrap_or_else(|| "(none)".into())
-        };
-        keys.into_iter()
-            .filter(|key| here.get(*key) != there.get(*key))
-            .map(|key| format!("{key}: {} → {}", shown(&here, key), shown(&there, key)))
-            .collect()
+        differences(self, other)
     }
+}
+
+/// Files stacked left to right on the defaults of a configuration, then `path.to.key=value` settings.
+pub(crate) fn stack<T: Default + Serialize + DeserializeOwned>(
+    files: &[PathBuf],
+    settings: &[String],
+) -> Result<T, ConfigError> {
+    // From the defaults, not from nothing: a file that names one key of a table leaves the others as they are.
+    let mut whole = toml::Table::try_from(T::default())
+        .map_err(|e| ConfigError::Schema { origin: "defaults".into(), reason: e.to_string() })?;
+    for path in files {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+        merge(&mut whole, parse(&text, &path.display().to_string())?);
+    }
+    for setting in settings {
+        merge(&mut whole, parse_setting(setting)?);
+    }
+    let origins = files.iter().map(|p| p.display().to_string()).chain(settings.iter().cloned());
+    let origin = origins.collect::<Vec<_>>().join(", ");
+    whole.try_into().map_err(|e: toml::de::Error| ConfigError::Schema { origin, reason: e.to_string().trim().into() })
+}
+
+/// A configuration as TOML, every setting spelled out.
+pub(crate) fn to_toml(config: &impl Serialize) -> Result<String, ConfigError> {
+    toml::to_string_pretty(config)
+        .map_err(|e| ConfigError::Schema { origin: "resolved configuration".into(), reason: e.to_string() })
+}
+
+/// Settings in which two configurations differ, as `key: here → there` lines.
+pub(crate) fn differences<T: Serialize>(here: &T, there: &T) -> Vec<String> {
+    let flat = |config: &T| {
+        let mut lines = Vec::new();
+        if let Ok(value) = toml::Value::try_from(config) {
+            flatten("", &value, &mut lines);
+        }
+        lines.into_iter().collect::<std::collections::BTreeMap<_, _>>()
+    };
+    let (here, there) = (flat(here), flat(there));
+    let keys: std::collections::BTreeSet<&String> = here.keys().chain(there.keys()).collect();
+    let shown = |side: &std::collections::BTreeMap<String, String>, key: &String| {
+        side.get(key).cloned().unwrap_or_else(|| "(none)".into())
+    };
+    keys.into_iter()
+        .filter(|key| here.get(*key) != there.get(*key))
+        .map(|key| format!("{key}: {} → {}", shown(&here, key), shown(&there, key)))
+        .collect()
 }
 
 /// Name of a run for a stack of configuration files: their stems.

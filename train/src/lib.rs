@@ -16,8 +16,11 @@ pub mod plateau;
 pub mod step;
 pub mod validate;
 
+pub mod recipe;
+
 pub mod checkpoint;
 pub mod clock;
+pub mod folder;
 pub mod interrupt;
 pub mod log;
 pub mod report;

@@ -1,8 +1,9 @@
 //! `train`: see `train --help`.
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use clap::Parser;
 use nbp_env::explain::{show, tell, told_once};
+use nbp_model::weights::scone::Baseline;
 use nbp_model::{DeviceChoice, Nbp, weights};
 use nbp_train::checkpoint::{self, Progress};
 use nbp_train::clock::{Clock, Spent};
@@ -11,7 +12,7 @@ use nbp_train::log::{Bars, Log};
 use nbp_train::memory::Memory;
 use nbp_train::run::{Outcome, Session, describe};
 use nbp_train::step::Learner;
-use nbp_train::{interrupt, report, scenes};
+use nbp_train::{folder, interrupt, recipe, report, scenes};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -26,6 +27,10 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 #[derive(Parser)]
 #[command(version, after_help = EXAMPLES)]
 struct Arguments {
+    /// Train a next-best-view baseline instead: scone (on the truth) or macarons (on what it saw itself), whose
+    /// configurations are in configs/scone [default: configs/scone/cpu.toml]
+    #[arg(long, value_name = "NAME", value_parser = baseline)]
+    recipe: Option<Baseline>,
     /// Configuration file; give it several times to stack them left to right [default: configs/quickstart.toml]
     #[arg(long, value_name = "FILE")]
     config: Vec<PathBuf>,
@@ -55,12 +60,22 @@ struct Arguments {
     verbose: u8,
 }
 
+impl Arguments {
+    /// The configuration files, or the one that stands for them.
+    fn files(&self, default: &str) -> Vec<PathBuf> {
+        let default = [PathBuf::from(default)];
+        let files = if self.config.is_empty() { &default[..] } else { &self.config[..] };
+        files.iter().map(|path| config::find(path, &checkout())).collect()
+    }
+}
+
 const EXAMPLES: &str = "\
 Examples:
   cargo run -p train                                       ten minutes on generated Simple maps
   cargo run -p train -- --set train.iterations=6 --run runs/longer
   cargo run -p train -- --config configs/aimdoom/simple.toml --config configs/aimdoom/cpu.toml
   cargo run -p train -- --config configs/quickstart.toml --set 'scenes.train.paths=[\"my/maps\"]'
+  cargo run -p train -- --recipe scone                     a baseline on the same maps
   tensorboard --logdir runs";
 
 fn main() -> ExitCode {
@@ -76,19 +91,44 @@ fn main() -> ExitCode {
     }
 }
 
+fn baseline(name: &str) -> Result<Baseline, String> {
+    Baseline::named(name).ok_or_else(|| "use scone or macarons".into())
+}
+
 fn train(arguments: &Arguments) -> Result<Outcome> {
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
+    }
+    match arguments.recipe {
+        Some(baseline) => train_baseline(arguments, baseline),
+        None => train_nbp(arguments),
+    }
+}
+
+fn train_baseline(arguments: &Arguments, baseline: Baseline) -> Result<Outcome> {
+    let files = arguments.files("configs/scone/cpu.toml");
+    let mut config = recipe::RecipeConfig::load(baseline, &files, &arguments.set)?;
+    config.seed = arguments.seed.unwrap_or(config.seed);
+    config.device = arguments.device.unwrap_or(config.device);
+    if arguments.print_config {
+        show(config.to_toml()?.trim_end())?;
+        return Ok(Outcome::Complete);
+    }
+    let name = format!("{baseline}-{}", config::run_name(&files));
+    let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
+    recipe::train(baseline, config, &folder, Bars::detect(arguments.quiet))
+}
+
+fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
     let (config, name) = configure(arguments)?;
     if arguments.print_config {
         show(config.to_toml()?.trim_end())?;
         return Ok(Outcome::Complete);
     }
-    if let Some(threads) = arguments.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
-    }
     let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
     let device = config.device.resolve_for("train")?;
     prepare(&folder, &config)?;
-    let _lock = lock(&folder)?;
+    let _lock = folder::lock(&folder)?;
     interrupt::listen();
 
     let bars = Bars::detect(arguments.quiet);
@@ -162,9 +202,7 @@ fn finish(config: &Config, folder: &Path, log: &Log, spent: &Spent) -> Result<Ou
 }
 
 fn configure(arguments: &Arguments) -> Result<(Config, String)> {
-    let default = [PathBuf::from("configs/quickstart.toml")];
-    let files = if arguments.config.is_empty() { &default[..] } else { &arguments.config[..] };
-    let files: Vec<PathBuf> = files.iter().map(|path| config::find(path, &checkout())).collect();
+    let files = arguments.files("configs/quickstart.toml");
     let mut config = Config::load(&files, &arguments.set)?;
     config.seed = arguments.seed.unwrap_or(config.seed);
     config.device = arguments.device.unwrap_or(config.device);
@@ -174,10 +212,7 @@ fn configure(arguments: &Arguments) -> Result<(Config, String)> {
 /// Makes the run's folder, or checks that it was made for this configuration. Where only the final table is to be another
 /// one, the old table goes.
 fn prepare(folder: &Path, config: &Config) -> Result<()> {
-    let unwritable =
-        || format!("the run's folder {} cannot be written: choose another with --run DIR", folder.display());
-    let made = ["memory", "checkpoints", "eval"].iter().try_for_each(|name| fs::create_dir_all(folder.join(name)));
-    made.with_context(unwritable)?;
+    folder::make(folder)?;
     let path = folder.join("config.toml");
     let differences = match path.exists() {
         true => Config::load(std::slice::from_ref(&path), &[])?.differences(config),
@@ -188,38 +223,12 @@ fn prepare(folder: &Path, config: &Config) -> Result<()> {
         .partition(|line| ["eval.", "scenes.held_out.", "policy."].iter().any(|part| line.starts_with(part)));
     // These change what a step costs, not what is learnt.
     learnt.retain(|line| !["collect.batch:", "train.gradient_checkpointing:"].iter().any(|key| line.starts_with(key)));
-    if !learnt.is_empty() {
-        bail!(
-            "{} was trained with other settings ({}): choose another folder with --run DIR, or delete this one",
-            folder.display(),
-            learnt.join("; ")
-        );
-    }
+    folder::refuse_other_settings(folder, &learnt)?;
     let table = folder.join(TABLE);
     if !of_the_table.is_empty() && table.exists() {
         fs::remove_file(&table).with_context(|| format!("removing the old {}", table.display()))?;
     }
-    weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(unwritable)
-}
-
-/// Keeps a second process out of the run for as long as the file is open.
-fn lock(folder: &Path) -> Result<fs::File> {
-    let path = folder.join("lock");
-    let file = fs::File::create(&path).with_context(|| format!("creating {}", path.display()))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => {
-            bail!(
-                "another process is training in {}: wait for it, or choose another folder with --run DIR",
-                folder.display()
-            )
-        }
-        // Some network drives cannot lock; a run there is as safe as its user is careful.
-        Err(fs::TryLockError::Error(error)) => {
-            tracing::warn!("{} cannot be locked: {error}", path.display());
-            Ok(file)
-        }
-    }
+    weights::write_atomic(&path, config.to_toml()?.as_bytes()).with_context(|| folder::unwritable(folder))
 }
 
 /// The folder of the workspace, so that `cargo run` finds `configs/` and `runs/` from any folder below it.

@@ -19,6 +19,9 @@ const RECORD_HEADER: usize = 12;
 /// No sample is larger, packed or not; a longer length is damage.
 const MAX_BYTES: usize = 1 << 30;
 
+/// Said of a record whose checksum fits and whose content does not.
+const UNPACKED: &str = "it does not unpack";
+
 /// Why the memory cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MemoryError {
@@ -170,6 +173,14 @@ impl Memory {
     /// # Errors
     /// When it cannot be read or does not check.
     pub fn get(&self, index: usize) -> Result<Sample, MemoryError> {
+        unpack(&self.bytes(index)?).ok_or_else(|| self.damaged(index, UNPACKED))
+    }
+
+    /// Reads back the bytes that a sample was made of.
+    ///
+    /// # Errors
+    /// When they cannot be read or do not check.
+    pub fn bytes(&self, index: usize) -> Result<Vec<u8>, MemoryError> {
         let Some(&entry) = self.entries.get(index) else {
             return Err(self.damaged(index, "there is no such record"));
         };
@@ -184,7 +195,7 @@ impl Memory {
         }
         let is_sane = packed.first_chunk().is_some_and(|size| u32::from_le_bytes(*size) as usize <= MAX_BYTES);
         let bytes = if is_sane { lz4_flex::block::decompress_size_prepended(&packed).ok() } else { None };
-        bytes.as_deref().and_then(unpack).ok_or_else(|| self.damaged(index, "it does not unpack"))
+        bytes.ok_or_else(|| self.damaged(index, UNPACKED))
     }
 
     fn io(&self, source: std::io::Error) -> MemoryError {
@@ -212,6 +223,11 @@ impl PackedSample {
     /// Packs a sample.
     pub fn new(sample: &Sample) -> Self {
         Self { step: sample.step, bytes: lz4_flex::block::compress_prepend_size(&pack(sample)) }
+    }
+
+    /// Packs a sample of another kind, made of these bytes; it has no step.
+    pub fn of_bytes(bytes: &[u8]) -> Self {
+        Self { step: 0, bytes: lz4_flex::block::compress_prepend_size(bytes) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::augment::Symmetry;
 use crate::memory::{Memory, MemoryError};
-use burn::module::{Module as _, ModuleVisitor, Param};
+use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 use nbp_env::SeedTree;
@@ -94,12 +94,8 @@ impl Learner {
     }
 
     fn refuse_non_finite_gradients(&self, gradients: &GradientsParams) -> Result<(), StepError> {
-        let mut sums = GradientSums { gradients, path: Vec::new(), names: Vec::new(), sums: Vec::new() };
-        self.net.visit(&mut sums);
-        // One read-back for all of them.
-        let values: Vec<f32> = Tensor::cat(sums.sums, 0).into_data().iter().collect();
-        match values.into_iter().zip(sums.names).find(|(value, _)| !value.is_finite()) {
-            Some((value, name)) => {
+        match non_finite_gradient(&self.net, gradients) {
+            Some((name, value)) => {
                 Err(StepError::NonFinite { tensor: format!("gradient of {name}"), value, step: self.steps })
             }
             None => Ok(()),
@@ -120,6 +116,15 @@ impl Learner {
             None => Ok(()),
         }
     }
+}
+
+/// The first parameter, by its path, whose gradient has a number that is not finite, and what the sum of them comes to.
+pub(crate) fn non_finite_gradient(net: &impl Module, gradients: &GradientsParams) -> Option<(String, f32)> {
+    let mut sums = GradientSums { gradients, path: Vec::new(), names: Vec::new(), sums: Vec::new() };
+    net.visit(&mut sums);
+    // One read-back for all of them.
+    let values: Vec<f32> = Tensor::cat(sums.sums, 0).into_data().iter().collect();
+    sums.names.into_iter().zip(values).find(|(_, value)| !value.is_finite())
 }
 
 /// Sums of the absolute gradients of all parameters, by their paths.

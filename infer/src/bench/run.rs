@@ -7,10 +7,10 @@
 use super::FloorPlan;
 use super::plan::Row;
 use super::store::{BenchError, FileKey, Manifest, SceneInfo};
-use crate::registry::{self, PolicyContext, RegistryError};
+use crate::registry::{self, Network, PolicyContext, RegistryError};
 use crate::rollout::{EpisodeRecord, RolloutError, Trial, go_on};
 use nbp_env::config::SimError;
-use nbp_env::{Predictor, Scene, SimConfig, World, parallel};
+use nbp_env::{Scene, SimConfig, World, parallel};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,8 +65,13 @@ pub struct Runner {
 
 impl Runner {
     /// Of a row and its network.
-    pub fn new(row: &Row, network: Option<Arc<dyn Predictor>>) -> Self {
-        Self { context: PolicyContext::new(&row.settings, network), sim: row.settings.sim.clone() }
+    pub fn new(row: &Row, network: Option<Network>) -> Self {
+        let context = PolicyContext::new(&row.settings);
+        let context = match network {
+            Some(network) => context.with(row.kind, network, row.settings.nbv),
+            None => context,
+        };
+        Self { context, sim: row.settings.sim.clone() }
     }
 }
 

@@ -14,13 +14,13 @@ use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
 use nbp_infer::bench::run::{self, Measures, Runner};
 use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
+use nbp_infer::registry::Network;
 use nbp_infer::{Settings, checkpoint, report, source};
 use nbp_model::DeviceChoice;
 use nbp_model::weights::WEIGHTS_FILE;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::str::FromStr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const EXAMPLES: &str = "\
@@ -201,10 +201,12 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
         }
         let (mut settings, mut trained, mut weights) = (Settings::default(), Vec::new(), Vec::new());
         for (number, path) in checkpoints.into_iter().flatten().enumerate() {
-            let (config, trained_with) = checkpoint::read(path).context("cannot use the checkpoint")?;
+            let architecture = kind.architecture().unwrap_or_default();
+            let found = checkpoint::read_as(architecture, path);
+            let (maps, trained_with) = found.context("cannot use the checkpoint")?;
             let file = checkpoint::folder(path)?.join(WEIGHTS_FILE);
             weights.extend(std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?);
-            trained.push(config);
+            trained.extend(maps);
             if number == 0 {
                 settings = trained_with;
             }
@@ -214,6 +216,7 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
         }
         settings.policy.validate().context("policy")?;
         settings.search.validate()?;
+        settings.nbv.validate().context("nbv")?;
         trained.iter().try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
         let (checkpoint, obstacle_checkpoint) = (row.checkpoint.clone(), row.obstacle_checkpoint.clone());
         Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, checkpoint, obstacle_checkpoint, weights })
@@ -328,11 +331,11 @@ fn compute(
         if let (Some(path), true) = (&row.checkpoint, is_open) {
             let obstacle = row.obstacle_checkpoint.as_deref();
             network = match networks.get(&(path, obstacle)) {
-                Some(network) => Some(Arc::clone(network)),
+                Some(network) => Some(Network::clone(network)),
                 None => {
                     let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
                     let network = network.with_context(|| format!("row {}", row.name))?;
-                    networks.insert((path, obstacle), Arc::clone(&network));
+                    networks.insert((path, obstacle), Network::clone(&network));
                     Some(network)
                 }
             };

@@ -22,7 +22,7 @@ pub(super) struct Args {
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     scenes: Vec<String>,
     /// Policies to compare: random, fbe, nbp, oracle-obstacles [default: the
-    /// configuration's, else random,fbe, and nbp with a checkpoint]
+    /// configuration's, else random,fbe, and those that the checkpoints are of]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     policies: Vec<PolicyKind>,
     /// Episodes from every start, each with its own seed
@@ -56,7 +56,8 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     if policies.is_empty() {
         policies = read.eval.policies.clone().unwrap_or_else(|| {
             let blind = [PolicyKind::Random, PolicyKind::Fbe];
-            blind.into_iter().chain(args.setup.checkpoint.as_ref().map(|_| PolicyKind::Nbp)).collect()
+            let networks = [PolicyKind::Scone, PolicyKind::Macarons, PolicyKind::Nbp];
+            blind.into_iter().chain(networks.into_iter().filter(|kind| read.has_network(*kind))).collect()
         });
     }
     let starts_limit = args.starts.or(read.eval.starts);
@@ -72,9 +73,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     bar.finish();
     let scenes = scenes.context("cannot use the scenes")?;
     let worlds = setup::worlds(scenes, &settings, talk)?;
-    let weights = match context.predictor {
-        Some(_) => Some(args.setup.weights()?),
-        None => None,
+    let weights = match config.policies.iter().any(|kind| kind.needs_network()) {
+        true => Some(args.setup.weights()?),
+        false => None,
     };
     let fingerprints = Fingerprints::new(&worlds, &settings, &config, weights.as_deref());
     drop(weights);

@@ -31,11 +31,11 @@ pub(super) fn apply(settings: &Settings, files: &[PathBuf], overrides: &[String]
             }
             let value = serde_json::to_value(value)?;
             match (key.as_str(), value) {
-                ("sim" | "policy" | "search", value) => merge(&mut tree[&key], value),
+                ("sim" | "policy" | "search" | "nbv", value) => merge(&mut tree[&key], value),
                 ("eval", Value::Object(section)) => eval.extend(section),
                 (key, _) if OF_TRAINING.contains(&key) => (),
                 _ => bail!(
-                    "{name}: there is no {key} in a configuration, only sim, policy, search, eval and what train reads"
+                    "{name}: there is no {key} in a configuration, only sim, policy, search, nbv, eval and what train reads"
                 ),
             }
         }

@@ -2,22 +2,27 @@
 
 use super::overrides::{self, EvalSection};
 use super::{talk::Talk, usage};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use nbp_env::nbv::NbvConfig;
 use nbp_env::predict::Paired;
 use nbp_env::{Predictor, Scene, World};
+use nbp_infer::registry::Network;
 use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
-use nbp_model::weights::WEIGHTS_FILE;
+use nbp_model::weights::scone::Baseline;
+use nbp_model::weights::{CONFIG_FILE, WEIGHTS_FILE};
 use nbp_model::{CheckpointConfig, DeviceChoice};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Options of the commands that run episodes.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors. Its settings hold for every policy
+    /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors; may be repeated, for policies of
+    /// different networks. The simulator's settings of the nbp one, else of the first, hold for every policy
     #[arg(long, value_name = "DIR|FILE")]
-    pub(super) checkpoint: Option<PathBuf>,
+    pub(super) checkpoint: Vec<PathBuf>,
     /// Take the obstacle map from another checkpoint: networks that learnt one task each
     #[arg(long, value_name = "DIR|FILE", requires = "checkpoint")]
     obstacle_checkpoint: Option<PathBuf>,
@@ -53,8 +58,19 @@ pub(super) struct Setup {
 pub(super) struct Read {
     settings: Settings,
     trained: Option<CheckpointConfig>,
+    /// Checkpoints by their architecture.
+    checkpoints: BTreeMap<String, PathBuf>,
+    /// What each of the next-best-view baselines is asked, by its architecture.
+    nbv: BTreeMap<String, NbvConfig>,
     /// The configuration's `[eval]`.
     pub(super) eval: EvalSection,
+}
+
+impl Read {
+    /// Whether a checkpoint of the policy's network was given.
+    pub(super) fn has_network(&self, kind: PolicyKind) -> bool {
+        kind.architecture().is_some_and(|architecture| self.checkpoints.contains_key(architecture))
+    }
 }
 
 impl Args {
@@ -63,11 +79,19 @@ impl Args {
         if self.obstacle_threshold.is_some_and(|threshold| !(0.0..=1.0).contains(&threshold)) {
             usage("--obstacle-threshold must be a probability, 0 to 1");
         }
-        let described = match &self.checkpoint {
-            None => None,
-            Some(path) => Some(checkpoint::read(path).context("cannot use the checkpoint")?),
-        };
-        let (trained, base) = described.unzip();
+        let checkpoints = self.by_architecture()?;
+        let (mut trained, mut base, mut nbv) = (None, None, BTreeMap::new());
+        for (architecture, path) in &checkpoints {
+            let (maps, its) = checkpoint::read_as(architecture, path).context("cannot use the checkpoint")?;
+            // The same files and options for each of them, on top of what it was trained with.
+            let asked = overrides::apply(&its, &self.config, &self.set)?.0.nbv;
+            asked.validate().context("nbv")?;
+            nbv.insert(architecture.clone(), asked);
+            if maps.is_some() || base.is_none() && self.checkpoint.first() == Some(path) {
+                base = Some(its);
+            }
+            trained = trained.or(maps);
+        }
         let (mut settings, eval) = overrides::apply(&base.unwrap_or_default(), &self.config, &self.set)?;
         if let Some(threshold) = self.obstacle_threshold {
             settings.policy.obstacle_threshold = threshold;
@@ -77,14 +101,33 @@ impl Args {
         }
         settings.policy.validate().context("policy")?;
         settings.search.validate()?;
-        Ok(Read { settings, trained, eval })
+        settings.nbv.validate().context("nbv")?;
+        Ok(Read { settings, trained, checkpoints, nbv, eval })
     }
 
-    /// Bytes of the weights of all checkpoints.
+    /// The checkpoints by what they hold.
+    fn by_architecture(&self) -> Result<BTreeMap<String, PathBuf>> {
+        let mut found = BTreeMap::new();
+        for path in &self.checkpoint {
+            let architecture = checkpoint::architecture(path).context("cannot use the checkpoint")?;
+            if let Some(other) = found.insert(architecture.clone(), path.clone()) {
+                let (first, second) = (other.display(), path.display());
+                bail!("{first} and {second} both hold {architecture} networks: give one --checkpoint of each kind");
+            }
+        }
+        Ok(found)
+    }
+
+    /// Bytes of the weights of all checkpoints, and of what the baselines among them were trained with: the settings of an
+    /// evaluation hold that of one checkpoint only.
     pub(super) fn weights(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         for path in self.checkpoint.iter().chain(&self.obstacle_checkpoint) {
-            bytes.extend(std::fs::read(checkpoint::folder(path)?.join(WEIGHTS_FILE))?);
+            let folder = checkpoint::folder(path)?;
+            bytes.extend(std::fs::read(folder.join(WEIGHTS_FILE))?);
+            if Baseline::named(&checkpoint::architecture(path)?).is_some() {
+                bytes.extend(std::fs::read(folder.join(CONFIG_FILE))?);
+            }
         }
         Ok(bytes)
     }
@@ -92,15 +135,18 @@ impl Args {
     /// What was read and, if one of the policies needs it, the network, which answers `batch` inputs at once.
     pub(super) fn setup(
         &self,
-        Read { settings, trained, eval }: Read,
+        Read { settings, trained, checkpoints, nbv, eval }: Read,
         policies: &[PolicyKind],
         device: DeviceChoice,
         batch: usize,
         talk: Talk,
     ) -> Result<Setup> {
-        let needy = policies.iter().find(|kind| kind.needs_network());
-        if let (Some(kind), None) = (needy, &self.checkpoint) {
-            usage(&format!("policy {kind} needs a network: give --checkpoint DIR"));
+        let of = |kind: &PolicyKind| checkpoints.get(kind.architecture()?);
+        if let Some(kind) = policies.iter().find(|kind| kind.needs_network() && of(kind).is_none()) {
+            let net = kind.architecture().unwrap_or_default();
+            let others: Vec<&str> = checkpoints.keys().map(String::as_str).collect();
+            let given = if others.is_empty() { String::new() } else { format!(", not of {}", others.join(" and ")) };
+            usage(&format!("policy {kind} needs a network: give --checkpoint DIR of {net}{given}"));
         }
         let steps = self.steps.or(eval.steps).unwrap_or(100);
         if steps == 0 {
@@ -109,10 +155,15 @@ impl Args {
         if let Some(trained) = &trained {
             checkpoint::check(trained, &settings.sim)?;
         }
-        let mut context = PolicyContext::new(&settings, None);
-        if let (Some(path), true) = (&self.checkpoint, needy.is_some()) {
-            let obstacle = self.obstacle_checkpoint.as_deref();
-            context.predictor = Some(network(path, obstacle, &settings, device, batch, talk)?);
+        let (mut context, mut loaded) = (PolicyContext::new(&settings), BTreeMap::new());
+        for &kind in policies {
+            let (Some(path), Some(architecture)) = (of(&kind), kind.architecture()) else { continue };
+            let network = match loaded.remove(architecture) {
+                Some(network) => network,
+                None => network(path, self.obstacle_checkpoint.as_deref(), &settings, device, batch, talk)?,
+            };
+            loaded.insert(architecture, Network::clone(&network));
+            context = context.with(kind, network, nbv.get(architecture).copied().unwrap_or(settings.nbv));
         }
         talk.detail(format!("settings: {}", serde_json::to_string(&settings)?));
         Ok(Setup { settings, context, steps })
@@ -128,7 +179,14 @@ pub(super) fn network(
     device: DeviceChoice,
     batch: usize,
     talk: Talk,
-) -> Result<Arc<dyn Predictor>> {
+) -> Result<Network> {
+    if Baseline::named(&checkpoint::architecture(path).context("cannot use the checkpoint")?).is_some() {
+        let loaded = checkpoint::load_scone(path, device).context("cannot use the checkpoint")?;
+        let about = loaded.predictor.config();
+        let parameters = about.net.parameters().iter().sum::<usize>() as f64 / 1e6;
+        talk.say(format!("{}: {parameters:.1} million parameters, on {}", about.architecture, loaded.device));
+        return Ok(Network::Views(Arc::new(loaded.predictor)));
+    }
     let loaded = checkpoint::load(path, device).context("cannot use the checkpoint")?;
     let (net, window) = (loaded.config.net, loaded.config.window);
     talk.say(format!(
@@ -139,10 +197,10 @@ pub(super) fn network(
         loaded.device
     ));
     let value: Arc<dyn Predictor> = Arc::new(loaded.predictor.with_chunk(batch));
-    let Some(path) = obstacle else { return Ok(value) };
+    let Some(path) = obstacle else { return Ok(Network::Maps(value)) };
     let obstacle = checkpoint::load(path, device).context("cannot use the obstacle checkpoint")?;
     checkpoint::check(&obstacle.config, &settings.sim)?;
-    Ok(Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) }))
+    Ok(Network::Maps(Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) })))
 }
 
 /// Scenes ready for episodes.
