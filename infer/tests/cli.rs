@@ -479,7 +479,7 @@ fn a_bench_that_cannot_be_says_why() {
         (
             "--config bench.toml --checkpoint unet",
             1,
-            "row net: cannot use the checkpoint: unet/config.json holds a checkpoint from another architecture (unet)",
+            "row net: cannot use the checkpoint: unet holds the network of unet, not of nbp: give a checkpoint of nbp",
         ),
         (
             "--config bench.toml --checkpoint net=nowhere",

@@ -1,6 +1,7 @@
 //! What is compared on what: the configuration of a bench, and what the command line changes of it.
 
 use super::store::Published;
+use crate::checkpoint;
 use crate::registry::{PolicyKind, RegistryError};
 use crate::source::{self, Source, SourceError};
 use nbp_dataset::Level;
@@ -232,10 +233,15 @@ impl BenchConfig {
         self.policies.retain(|row| choices.policies.is_empty() || choices.policies.contains(&row.name));
         for (name, path) in &choices.checkpoints {
             known("row", name.as_slice(), &names)?;
+            // Without a name, for the rows of its network; if there are none, for all, which will say so.
+            let architecture = checkpoint::architecture(path).ok();
+            let asks = |row: &RowConfig| row.kind().is_ok_and(|kind| kind.architecture() == architecture.as_deref());
+            let is_asked = architecture.is_some() && self.policies.iter().any(asks);
             for row in &mut self.policies {
                 let is_meant = match name {
                     Some(name) => *name == row.name,
-                    None => matches!(row.kind()?, PolicyKind::Nbp | PolicyKind::OracleObstacles),
+                    None if is_asked => asks(row),
+                    None => row.kind()?.needs_network(),
                 };
                 if is_meant {
                     row.checkpoint = Some(path.clone());
