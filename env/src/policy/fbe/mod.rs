@@ -7,7 +7,8 @@ mod tour;
 
 use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
 use crate::episode::Action;
-use crate::map::{Cell, MapView, OccupancyGrid};
+use crate::map::grid::cells_between;
+use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
 use crate::path::ShortestPaths;
 use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
@@ -17,6 +18,9 @@ use std::cmp::Reverse;
 
 /// From how far frontiers are looked at in passing, metres.
 const PASSING_DISTANCE: f32 = 6.0;
+
+/// What `fbe-gain` and `fbe-tsp` take a move across unknown cells to cost, in steps: behind walls most of them are solid.
+const UNKNOWN_PRICE: f32 = 6.0;
 
 /// Which frontier is next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,7 +62,8 @@ impl Fbe {
 
     fn make_plan(&mut self, view: &MapView<'_>) {
         let here = view.pose().node;
-        let paths = ShortestPaths::from(here, |a, b| observed_price(view, a, b));
+        let price = if self.rule == Rule::Nearest { observed_price } else { careful_price };
+        let paths = ShortestPaths::from(here, |a, b| price(view, a, b));
         let clusters = clusters(view);
         let goal = match self.rule {
             Rule::Nearest => nearest(view, &paths, &clusters),
@@ -125,6 +130,15 @@ fn poses_along(from: Node, nodes: &[Node], goal: LatticePose) -> Vec<LatticePose
         None => poses.push(goal),
     }
     poses
+}
+
+/// As [`observed_price`], but the unknown is dear.
+fn careful_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
+    let price = observed_price(view, a, b)?;
+    let (from, to) = (view.lattice().position(a), view.lattice().position(b));
+    let is_unknown = |cell| view.occupancy().get(cell) == Cell::Unknown;
+    let crosses_unknown = || !view.is_traversed(a, b) && cells_between(from, to, occupancy::CELL).any(is_unknown);
+    Some(if price < UNKNOWN_PRICE && crosses_unknown() { UNKNOWN_PRICE } else { price })
 }
 
 /// Turns the poses before the goal to the frontiers that they pass: to look where one walks is to look at what is known.
@@ -202,6 +216,32 @@ mod tests {
             assert!(fbe.curve().iter().sum::<f32>() > random.curve().iter().sum::<f32>());
             assert_eq!(check_policy(&mut policy, &world), []);
         }
+    }
+
+    #[test]
+    fn a_way_through_the_unknown_is_dear_and_what_was_walked_is_not() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
+        let episode = explore(&world, &mut Fbe::new(Rule::Gain), start, 3);
+        let (view, lattice) = (episode.view(), *world.scene().lattice());
+        let (mut dear, mut cheap) = (0, 0);
+        for a in (0..lattice.len()).map(|index| lattice.node(index)) {
+            for b in crate::pose::Direction::ALL.map(|direction| a.step(direction)) {
+                let is_unknown = |cell| view.occupancy().get(cell) == Cell::Unknown;
+                let crosses = cells_between(lattice.position(a), lattice.position(b), occupancy::CELL).any(is_unknown);
+                match (observed_price(&view, a, b), careful_price(&view, a, b)) {
+                    (Some(1.0), Some(price)) if crosses && !view.is_traversed(a, b) => {
+                        assert_eq!(price, UNKNOWN_PRICE);
+                        dear += 1;
+                    }
+                    (observed, careful) => {
+                        assert_eq!(careful, observed);
+                        cheap += usize::from(careful == Some(1.0));
+                    }
+                }
+            }
+        }
+        assert!(dear > 0 && cheap > 0, "{dear} {cheap}");
     }
 
     #[test]

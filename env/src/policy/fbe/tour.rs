@@ -4,10 +4,10 @@
 //! The shortest tour of all picks up every crumb on its way, and steps run out before it ends. So a tour is rated by what it
 //! finds and when: each find is worth the less the later it comes.
 
+use super::careful_price;
 use super::look::Look;
 use crate::map::MapView;
 use crate::path::ShortestPaths;
-use crate::policy::observed_price;
 use crate::pose::Node;
 use std::collections::HashMap;
 
@@ -47,7 +47,7 @@ fn tour(view: &MapView<'_>, looks: &[Look]) -> Vec<usize> {
     let nodes: Vec<Node> = looks.iter().map(|look| look.pose.node).collect();
     let mut known: HashMap<(Node, Node), Option<f32>> = HashMap::new();
     let mut distances = |from: &Node| {
-        let price = |a, b| *known.entry((a, b)).or_insert_with(|| observed_price(view, a, b));
+        let price = |a, b| *known.entry((a, b)).or_insert_with(|| careful_price(view, a, b));
         let paths = ShortestPaths::from(*from, price);
         // A look from where another one was is a turn, which is a step.
         nodes.iter().map(|&to| paths.distance(to).unwrap_or(f32::INFINITY).max(1.0)).collect::<Vec<f32>>()
