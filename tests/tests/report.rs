@@ -79,7 +79,7 @@ fn a_report_shows_what_its_address_asks_for() {
     assert_eq!(asked.matches("class=\"mean d0\" d=\"M").count(), 2 + 3, "one of them is switched off");
     assert!(asked.contains("fbe-gain is better than random in ") && asked.contains("random, AUC"));
     let way = |dom: &str| {
-        dom.split("class=\"path\" style=\"stroke-width:0")
+        dom.split("class=\"path way\"")
             .nth(1)
             .unwrap()
             .split("d=\"")

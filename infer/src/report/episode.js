@@ -58,7 +58,7 @@ function drawPlan(set, row) {
   const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${scene.name}, ${data.rows[row]}` });
   stage.seen = svg("path", { class: "seen" });
   stage.view = svg("path", { class: "view" });
-  stage.path = svg("path", { class: "path", style: thick(0.5) });
+  stage.path = svg("path", { class: "path way", style: thick(0.5) });
   stage.agent = svg("path", { class: "agent", style: thick(0.2), d: line([[0, -2.2], [1.4, 1.5], [0, 0.7], [-1.4, 1.5]].map(([a, b]) => [a * unit, b * unit])) + "z" });
   const whole = svg("path", { class: "whole", style: `${thick(0.2)};stroke-dasharray:${unit * 0.5} ${unit * 0.7}`, d: line(places) });
   const start = svg("circle", { class: "start", style: thick(0.4), cx: places[0][0], cy: places[0][1], r: unit });

@@ -122,9 +122,9 @@ fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 
 /// Groups of columns: a name and how many.
 fn grouped<'a>(groups: impl IntoIterator<Item = (&'a str, usize)>) -> String {
-    let group = |(name, span): (&str, usize)| {
-        let class = if name.is_empty() { "" } else { " class=\"group\"" };
-        format!("<th colspan=\"{span}\"{class}>{}</th>", escape(name))
+    let group = |(name, span): (&str, usize)| match name {
+        "" => format!("<th colspan=\"{span}\"></th>"),
+        name => format!("<th colspan=\"{span}\" class=\"group\"><span>{}</span></th>", escape(name)),
     };
     groups.into_iter().map(group).collect()
 }
@@ -232,7 +232,7 @@ fn differences(summary: &SetSummary) -> String {
 
 /// A difference, its interval, and how likely chance makes one as large.
 fn versus(difference: Option<Difference>) -> String {
-    let Some(Difference { mean, interval: [low, high], p }) = difference else { return "<td></td>".repeat(3) };
+    let Some(Difference { mean, interval: [low, high], p }) = difference else { return "<td>–</td>".repeat(3) };
     // A minus as wide as the plus.
     let signed = |value: f64| format!("{value:+.3}").replace('-', "−");
     let p = if p < 0.001 { "&lt; 0.001".to_owned() } else { format!("{p:.3}") };
