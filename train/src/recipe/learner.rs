@@ -4,7 +4,6 @@ use super::progress::Losses;
 use super::sample;
 use crate::memory::{Memory, MemoryError};
 use crate::step::non_finite_gradient;
-use burn::module::Module as _;
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use nbp_env::nbv::{CandidateInput, NbvSample, OccupancyInput};
@@ -186,16 +185,23 @@ impl Learner {
         Ok(means.losses())
     }
 
-    /// Mean losses without learning.
+    /// Mean losses of some networks on the same batches, without learning.
     ///
     /// # Errors
     /// When a batch cannot be made or a loss is not finite.
-    pub fn validate(&self, batches: impl Iterator<Item = Result<Batch, LearnError>>) -> Result<Losses, LearnError> {
-        let (net, mut means) = (self.net.valid(), Means::default());
+    pub fn validate(
+        &self,
+        nets: &[&Scone],
+        batches: impl Iterator<Item = Result<Batch, LearnError>>,
+    ) -> Result<Vec<Losses>, LearnError> {
+        let mut means: Vec<Means> = nets.iter().map(|_| Means::default()).collect();
         for batch in batches {
-            self.read(&batch?.losses(&net), &mut means)?;
+            let batch = batch?;
+            for (net, means) in nets.iter().zip(&mut means) {
+                self.read(&batch.losses(net), means)?;
+            }
         }
-        Ok(means.losses())
+        Ok(means.iter().map(Means::losses).collect())
     }
 
     fn read(&self, losses: &[Option<Tensor<1>>; 2], means: &mut Means) -> Result<(), LearnError> {
@@ -246,8 +252,9 @@ mod tests {
             learner.step(batches(&learner).into_iter(), 4, 2e-3).unwrap();
         }
         let plain = learner.device.clone().without_autodiff();
-        let last = learner.validate([Batch::new(&[sample(2, 4)], &plain)].into_iter()).unwrap();
-        assert!(last.total() < first.total(), "{first:?} {last:?}");
+        let (trained, fresh) = (learner.net.valid(), self::learner().net.valid());
+        let found = learner.validate(&[&trained, &fresh], [Batch::new(&[sample(2, 4)], &plain)].into_iter()).unwrap();
+        assert!(found[0].total() < first.total() && found[0].total() < found[1].total(), "{first:?} {found:?}");
         assert_eq!(learner.steps, 21);
     }
 

@@ -35,7 +35,7 @@ pub struct Progress {
     pub memory: usize,
     /// Samples of the maps that are kept out.
     pub held_out: usize,
-    /// The best validation so far.
+    /// Losses of the best networks so far, when they were made.
     pub best: Option<Losses>,
     /// Seconds of work so far.
     pub seconds: f64,

@@ -4,12 +4,13 @@ use super::collect::{self, CollectError};
 use super::config::RecipeConfig;
 use super::learner::{self, Batch, LearnError, Learner};
 use super::progress::{Losses, Progress};
-use crate::ahead::ahead;
+use crate::ahead::{Ahead, ahead};
 use crate::log::{Bars, Log};
 use crate::memory::Memory;
 use crate::run::Outcome;
 use crate::{checkpoint, config, folder, interrupt, scenes};
 use anyhow::{Context as _, Result, ensure};
+use burn::module::Module as _;
 use nbp_env::explain::{show, tell};
 use nbp_env::nbv::NbvPredictor;
 use nbp_env::{SeedTree, World};
@@ -29,6 +30,8 @@ pub struct Session {
     /// Samples of both.
     memories: [Memory; 2],
     learner: Learner,
+    /// The best networks so far, for inference.
+    best: Option<Scone>,
     progress: Progress,
     describe: SconeDescription,
     log: Log,
@@ -68,7 +71,12 @@ pub fn train(baseline: Baseline, config: RecipeConfig, run: &Path, bars: Bars) -
     };
     let mut describe = SconeDescription::new(baseline, config.net);
     remember_scone(&mut describe, &config.settings())?;
+    let kept = match progress.best {
+        Some(_) => Some(weights::load(&best, &device.clone().without_autodiff())?.net),
+        None => None,
+    };
     let mut session = Session {
+        best: kept,
         memories: [open("train.bin", progress.memory)?, open("validation.bin", progress.held_out)?],
         learner: Learner { net, optim, device, steps: progress.steps },
         folder: run.to_owned(),
@@ -231,24 +239,25 @@ impl Session {
         })
     }
 
-    /// Losses on the maps that are kept out, and whether they are the best so far.
+    /// Losses on the maps that are kept out, and whether they are better than those of the best networks so far. Both answer
+    /// what the newest walks met: losses on the walks of different rounds cannot be compared.
     fn validate(&mut self) -> Result<bool> {
         let round = self.progress.round;
         let memory = self.memories[1].clone();
         let known = of_rounds(&memory, round..round + 1);
         let device = self.learner.device.clone().without_autodiff();
         let load = |indices: &[usize]| learner::load(&memory, indices, None, &device);
+        let net = self.learner.net.valid();
+        let nets: Vec<&Scone> = std::iter::once(&net).chain(&self.best).collect();
         let batches = known.chunks(self.config.train.at_once);
-        let found = ahead(batches, load, |batches: &mut crate::ahead::Ahead<Result<Batch, LearnError>>| {
-            self.learner.validate(batches)
+        let losses = ahead(batches, load, |batches: &mut Ahead<Result<Batch, LearnError>>| {
+            self.learner.validate(&nets, batches)
         })?;
+        let found = losses[0];
+        let is_best = losses.get(1).is_none_or(|best| found.total() < best.total());
         let values = [("validation/occupancy", found.occupancy), ("validation/gains", found.gains)];
         self.log.scalars(self.progress.steps, &values.map(|(name, value)| (name.to_string(), value)));
         self.log.flush();
-        let is_best = self.progress.best.is_none_or(|best| found.total() < best.total());
-        if is_best {
-            self.progress.best = Some(found);
-        }
         tracing::info!(
             "round {}: on maps kept out, occupancy {:.4}, gains {:.4}{}",
             round + 1,
@@ -256,6 +265,9 @@ impl Session {
             found.gains,
             if is_best { " (best so far)" } else { "" }
         );
+        if is_best {
+            (self.progress.best, self.best) = (Some(found), Some(net));
+        }
         Ok(is_best)
     }
 
