@@ -30,6 +30,8 @@ pub struct Fingerprints {
     scenes: BTreeMap<String, u64>,
     blind: String,
     network: String,
+    search: String,
+    nbv: String,
 }
 
 impl Fingerprints {
@@ -41,12 +43,18 @@ impl Fingerprints {
         // The time of decisions depends on how many are made together; one by one is not named, as it once was the only way.
         let together = if config.batch > 1 { format!(" {}", config.batch) } else { String::new() };
         let network = format!("{blind} {:?} {:016x}{together}", settings.policy, weights.map_or(0, hash));
-        Self { scenes, blind, network }
+        let [search, nbv] = [format!("{blind} {:?}", settings.search), format!("{network} {:?}", settings.nbv)];
+        Self { scenes, blind, network, search, nbv }
     }
 
     fn of(&self, record: &EpisodeRecord) -> Option<String> {
         let kind: PolicyKind = record.policy.parse().ok()?;
-        let settings = if kind.needs_network() { &self.network } else { &self.blind };
+        let settings = match kind {
+            PolicyKind::OracleBeam => &self.search,
+            PolicyKind::Scone | PolicyKind::Macarons => &self.nbv,
+            kind if kind.needs_network() => &self.network,
+            _ => &self.blind,
+        };
         let scene = self.scenes.get(&record.scene)?;
         Some(format!("{:016x}", hash(format!("{scene:016x} {settings}").as_bytes())))
     }
@@ -164,18 +172,24 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let settings = Settings::default();
         let (journal, _) = Journal::open(dir.path(), fingerprints(&settings, b"w")).unwrap();
-        for policy in ["fbe", "nbp"] {
+        for policy in ["fbe", "nbp", "scone", "oracle-beam"] {
             journal.append(&record(policy, 0)).unwrap();
         }
         let kept = |settings: &Settings, weights: &[u8]| {
             let (_, records) = Journal::open(dir.path(), fingerprints(settings, weights)).unwrap();
             records.into_iter().map(|record| record.policy).collect::<Vec<_>>()
         };
-        assert_eq!(kept(&settings, b"w"), ["fbe", "nbp"]);
-        assert_eq!(kept(&settings, b"other"), ["fbe"]);
+        assert_eq!(kept(&settings, b"w"), ["fbe", "nbp", "scone", "oracle-beam"]);
+        assert_eq!(kept(&settings, b"other"), ["fbe", "oracle-beam"]);
         let mut policy = settings.clone();
         policy.policy.fuse_observed = true;
-        assert_eq!(kept(&policy, b"w"), ["fbe"]);
+        assert_eq!(kept(&policy, b"w"), ["fbe", "oracle-beam"]);
+        let mut asked = settings.clone();
+        asked.nbv.carving = 5.0;
+        assert_eq!(kept(&asked, b"w"), ["fbe", "nbp", "oracle-beam"]);
+        let mut search = settings.clone();
+        search.search.depth = 3;
+        assert_eq!(kept(&search, b"w"), ["fbe", "nbp", "scone"]);
         let mut sim = settings;
         sim.sim.keep = 0.1;
         assert!(kept(&sim, b"w").is_empty());

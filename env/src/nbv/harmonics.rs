@@ -66,6 +66,11 @@ impl Harmonics {
     }
 }
 
+/// All harmonics at a unit vector, in the order and to the axes of [`Harmonics`].
+pub fn harmonics_at([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
+    harmonics(f64::from(y), f64::from(x).atan2(f64::from(z))).map(|value| value as f32)
+}
+
 /// All harmonics in a direction, given by the cosine of its angle to the polar axis and its azimuth.
 ///
 /// The recursion over degrees of the normalised Legendre functions: Press et al., Numerical Recipes, section 6.7.

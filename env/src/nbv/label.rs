@@ -7,7 +7,7 @@ use super::belief::Belief;
 use super::field::Field;
 use super::{CandidateInput, NbvConfig, NbvPredictor, OccupancyInput};
 use crate::episode::{Action, Episode};
-use crate::policy::scone;
+use crate::policy::{headings_near, scone};
 use crate::pose::{Direction, LatticePose, Pose};
 use crate::predict::PredictError;
 use crate::seed::{Rng, SeedTree};
@@ -145,7 +145,7 @@ fn taught_by_truth(
         let here = view.pose();
         let open = scene.graph().neighbours(here.node);
         let candidates: Vec<LatticePose> = open
-            .flat_map(|node| scone::headings(here.heading).map(move |heading| LatticePose { node, heading }))
+            .flat_map(|node| headings_near(here.heading).map(move |heading| LatticePose { node, heading }))
             .collect();
         let covered = visibility.covered_by(episode.coverage());
         let share = |&pose: &LatticePose| visibility.gain(pose, &covered) as f32 / world.surface().len() as f32;

@@ -18,7 +18,7 @@ pub mod neighbours;
 pub use belief::Belief;
 pub use config::{NbvConfig, NbvConfigError};
 pub use field::Field;
-pub use harmonics::Harmonics;
+pub use harmonics::{Harmonics, harmonics_at};
 pub use label::{CollectConfig, NbvSample, Teacher, collect_samples};
 
 use crate::predict::PredictError;

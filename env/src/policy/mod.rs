@@ -11,7 +11,7 @@ pub mod search;
 use crate::episode::{Action, Decision, Episode};
 use crate::map::MapView;
 use crate::motion::Motion;
-use crate::pose::{Direction, Heading, LatticePose, Node};
+use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node};
 use crate::predict::{EncoderInput, PredictError, Prediction};
 use crate::seed::Rng;
 use rand::RngExt as _;
@@ -107,6 +107,11 @@ fn observed_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
 /// The action that goes from one pose to a neighbouring one (or turns).
 fn action_towards(from: Node, to: LatticePose) -> Action {
     Action { direction: Direction::between(from, to.node), heading: to.heading }
+}
+
+/// The headings that one move of a next-best-view policy may end with: all but the one behind.
+pub(crate) fn headings_near(heading: Heading) -> impl Iterator<Item = Heading> {
+    (HEADINGS - 3..=HEADINGS + 3).map(move |turn| Heading::new(heading.index() + turn))
 }
 
 /// What every policy does when it has nowhere to go, the common rule: turn to a heading not used here yet, else to any other.

@@ -1,23 +1,15 @@
 //! `random-nbv`: a uniform draw among the candidates of MACARONS, a move to a neighbour with a turn of at most 135°.
 
-use super::{Policy, PolicyError, turn_on_the_spot};
+use super::{Policy, PolicyError, headings_near, turn_on_the_spot};
 use crate::episode::Action;
 use crate::map::MapView;
-use crate::pose::{Direction, HEADINGS, Heading, LatticePose};
+use crate::pose::{Direction, LatticePose};
 use crate::seed::Rng;
 use rand::seq::IndexedRandom;
-
-/// Headings to either side that a move may turn to: all but the one behind.
-const MOST_TURNS: usize = 3;
 
 /// Uniform over the moves not known to be blocked and the headings near the current one. It never stays where it can go.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct RandomNbv;
-
-/// The headings that one move may end with.
-fn headings_near(heading: Heading) -> impl Iterator<Item = Heading> {
-    (HEADINGS - MOST_TURNS..=HEADINGS + MOST_TURNS).map(move |turn| Heading::new(heading.index() + turn))
-}
 
 impl Policy for RandomNbv {
     fn name(&self) -> &'static str {
@@ -44,7 +36,7 @@ mod tests {
     use crate::check::check_policy;
     use crate::config::SimConfig;
     use crate::policy::tests::explore;
-    use crate::pose::Node;
+    use crate::pose::{HEADINGS, Heading, Node};
     use crate::scene::Scene;
     use crate::world::World;
     use std::collections::BTreeSet;

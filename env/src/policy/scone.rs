@@ -1,12 +1,12 @@
 //! `scone`, `macarons`: the neighbouring pose from which the network expects to see most, chosen anew at every step (Guédon
 //! et al., NeurIPS 2022 and CVPR 2023). The two differ in how their networks were trained.
 
-use super::{Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
+use super::{Policy, PolicyError, action_towards, headings_near, observed_price, turn_on_the_spot};
 use crate::episode::Action;
 use crate::map::MapView;
 use crate::nbv::belief::Belief;
 use crate::nbv::{NbvConfig, NbvPredictor};
-use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Pose};
+use crate::pose::{Direction, LatticePose, Pose};
 use crate::predict::PredictError;
 use crate::seed::Rng;
 use crate::sensor::Camera;
@@ -61,14 +61,9 @@ pub(crate) fn candidates(view: &MapView<'_>) -> Vec<LatticePose> {
     let open = Direction::ALL.into_iter().map(|direction| node.step(direction));
     let open = open.filter(|&next| observed_price(view, node, next).is_some());
     let poses: Vec<LatticePose> =
-        open.flat_map(|node| headings(heading).map(move |heading| LatticePose { node, heading })).collect();
+        open.flat_map(|node| headings_near(heading).map(move |heading| LatticePose { node, heading })).collect();
     let fresh: Vec<LatticePose> = poses.iter().copied().filter(|&pose| view.visits(pose) == 0).collect();
     if fresh.is_empty() { poses } else { fresh }
-}
-
-/// All headings but the opposite one, from three to one side to three to the other.
-pub(crate) fn headings(from: Heading) -> impl Iterator<Item = Heading> {
-    (HEADINGS - 3..=HEADINGS + 3).map(move |turn| Heading::new(from.index() + turn))
 }
 
 /// The candidate of the highest gain, of equal ones the first.
@@ -105,7 +100,7 @@ mod tests {
     use crate::nbv::{CandidateInput, OccupancyInput};
     use crate::policy::random::Random;
     use crate::policy::tests::explore;
-    use crate::pose::Node;
+    use crate::pose::{Heading, Node};
     use crate::scene::Scene;
 
     fn world() -> Arc<World> {

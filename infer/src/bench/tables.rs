@@ -29,7 +29,7 @@ pub fn tables(result: &BenchResult) -> Result<Tables, serde_json::Error> {
         ("episodes.csv".to_owned(), episodes_csv(result)),
         ("curves.csv".to_owned(), curves_csv(result)),
         ("timing.csv".to_owned(), timing_csv(result)),
-        (report::FILE.to_owned(), report::html(result)),
+        (report::FILE.to_owned(), report::html(result)?),
     ];
     files.extend(report::figures(result));
     let blocks = summaries.iter().flat_map(|summary| {

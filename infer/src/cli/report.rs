@@ -26,7 +26,7 @@ pub(super) fn run(args: &Args, talk: Talk) -> Result<()> {
     let path = args.out.clone().unwrap_or_else(|| args.bench.join(report::FILE));
     let result = BenchResult::load(&args.bench).context("cannot use the bench")?;
     let (out, name) = Output::for_file(&path)?;
-    let page = report::html(&result);
+    let page = report::html(&result)?;
     let size = page.len() / 1000;
     out.write(&name, page)?;
     if args.figures {

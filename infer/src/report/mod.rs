@@ -35,12 +35,13 @@ pub fn figure_names(set: &str) -> [String; 3] {
 }
 
 /// The report of a bench: one HTML file that needs no other. Its bytes depend on nothing but the result.
-pub fn html(result: &BenchResult) -> String {
+///
+/// # Errors
+/// When the data have no JSON form.
+pub fn html(result: &BenchResult) -> Result<String, serde_json::Error> {
     let summaries = summary::summarise(result);
-    let data =
-        serde_json::to_string(&data::data(result)).unwrap_or_else(|_| "{\"rows\":[],\"sets\":[],\"counts\":[]}".into());
     // Nothing in a text can end the element that it stands in.
-    let data = data.replace('<', "\\u003c");
+    let data = serde_json::to_string(&data::data(result))?.replace('<', "\\u003c");
     let parts = [
         ("title", escape(&tables::title(result))),
         ("style", STYLE.to_owned()),
@@ -51,7 +52,7 @@ pub fn html(result: &BenchResult) -> String {
         ("data", data),
         ("script", SCRIPTS.join("\n")),
     ];
-    fill(PAGE, &parts)
+    Ok(fill(PAGE, &parts))
 }
 
 /// Puts each part where the template names it as `{{part}}`; what stands in a part is left as it is.
@@ -82,6 +83,11 @@ fn scores(record: &EpisodeRecord, released: bool) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn html(result: &BenchResult) -> String {
+        super::html(result).unwrap()
+    }
+
     use crate::bench::store::{RowInfo, tests::write};
     use crate::bench::{SceneInfo, SetResult};
 

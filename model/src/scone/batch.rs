@@ -1,11 +1,10 @@
 //! From what is asked to tensors. Sets of different sizes are filled up to the largest of a batch.
 
 use super::config::{HARMONICS, SCALES};
-use super::harmonics::basis;
 use super::{Padding, Queries, Views};
 use burn::prelude::*;
 use nbp_env::PredictError;
-use nbp_env::nbv::{CandidateInput, NEIGHBOURS, OccupancyInput};
+use nbp_env::nbv::{CandidateInput, NEIGHBOURS, OccupancyInput, harmonics_at};
 
 /// Whether every query has its neighbours and harmonics, and every cloud a point.
 ///
@@ -43,6 +42,11 @@ pub fn check_candidate(input: &CandidateInput) -> Result<(), PredictError> {
             weights.len()
         ))),
     }
+}
+
+/// The harmonics that coefficients of visibility are of: their pole is `z`, and azimuths count from `x`.
+fn basis([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
+    harmonics_at([y, z, x])
 }
 
 fn misfit(what: std::fmt::Arguments<'_>) -> PredictError {

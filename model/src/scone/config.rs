@@ -3,10 +3,7 @@
 use crate::config::ConfigError;
 use serde::{Deserialize, Serialize};
 
-/// Coefficients of a function on the sphere: real spherical harmonics below degree 8.
-pub const HARMONICS: usize = 64;
-/// Scales at which a query sees its neighbourhood.
-pub const SCALES: usize = 3;
+pub use nbp_env::nbv::{HARMONICS, SCALES};
 
 /// Widths of both networks; the defaults are the published ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

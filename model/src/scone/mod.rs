@@ -6,7 +6,6 @@
 pub mod attention;
 pub mod batch;
 pub mod config;
-pub mod harmonics;
 pub mod layers;
 pub mod loss;
 pub mod occupancy;

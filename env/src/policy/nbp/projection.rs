@@ -30,7 +30,7 @@ pub(super) struct Projection {
 impl Projection {
     /// Takes in the frames since the last time.
     pub(super) fn update(&mut self, view: &MapView<'_>) {
-        self.size = view.density().window_size();
+        self.size = view.window_size();
         for point in view.cloud().of_frames(self.frames) {
             let pixel = self.size.world_pixel(point);
             self.pixels.include(pixel, pixel);
