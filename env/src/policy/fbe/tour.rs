@@ -112,7 +112,6 @@ mod tests {
     use super::*;
     use crate::seed::SeedTree;
     use proptest::prelude::*;
-    use rand::RngExt as _;
 
     /// Stops at `(x, z, worth)` for an agent at `(20, 20)`.
     fn stops(places: &[(u8, u8, u8)]) -> Stops {
