@@ -1,14 +1,16 @@
 //! Shortest paths on the lattice: Dijkstra with ties broken by node, so that equal costs give equal paths.
 
-use crate::pose::{Direction, Node};
+use crate::pose::{Direction, Lattice, Node};
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BinaryHeap;
 
 /// Shortest paths from one node to all that can be reached.
 #[derive(Debug, Clone)]
 pub struct ShortestPaths {
+    lattice: Lattice,
     start: Node,
-    reached: BTreeMap<Node, (f32, Node)>,
+    /// Cost of the way to each node of the lattice, infinite out of reach, and the node before it.
+    ways: Vec<(f32, Node)>,
 }
 
 /// Costs are finite and not negative, so their order is total.
@@ -30,34 +32,44 @@ impl Ord for Cost {
 }
 
 impl ShortestPaths {
-    /// Paths from `start` over the moves for which `cost` gives a finite, non-negative price.
-    pub fn from(start: Node, mut cost: impl FnMut(Node, Node) -> Option<f32>) -> Self {
-        let mut reached = BTreeMap::from([(start, (0.0, start))]);
-        let mut heap = BinaryHeap::from([Reverse((Cost(0.0), start))]);
+    /// Paths on a lattice from `start` over the moves for which `cost` gives a finite, non-negative price.
+    pub fn from(lattice: &Lattice, start: Node, mut cost: impl FnMut(Node, Node) -> Option<f32>) -> Self {
+        let mut ways = vec![(f32::INFINITY, start); lattice.len()];
+        let mut heap = BinaryHeap::new();
+        if let Some(index) = lattice.index(start) {
+            ways[index].0 = 0.0;
+            heap.push(Reverse((Cost(0.0), start)));
+        }
         while let Some(Reverse((Cost(distance), node))) = heap.pop() {
-            if reached.get(&node).is_some_and(|&(best, _)| distance > best) {
+            if lattice.index(node).is_none_or(|index| distance > ways[index].0) {
                 continue;
             }
             for next in Direction::ALL.map(|direction| node.step(direction)) {
-                let Some(price) = cost(node, next) else { continue };
+                let (Some(index), Some(price)) = (lattice.index(next), cost(node, next)) else { continue };
                 let candidate = distance + price;
-                if reached.get(&next).is_none_or(|&(best, _)| candidate < best) {
-                    reached.insert(next, (candidate, node));
+                if candidate < ways[index].0 {
+                    ways[index] = (candidate, node);
                     heap.push(Reverse((Cost(candidate), next)));
                 }
             }
         }
-        Self { start, reached }
+        Self { lattice: *lattice, start, ways }
+    }
+
+    fn way(&self, node: Node) -> Option<(f32, Node)> {
+        let way = self.ways[self.lattice.index(node)?];
+        way.0.is_finite().then_some(way)
     }
 
     /// Cost of the shortest path to a node.
     pub fn distance(&self, node: Node) -> Option<f32> {
-        self.reached.get(&node).map(|&(distance, _)| distance)
+        self.way(node).map(|(distance, _)| distance)
     }
 
     /// Reached nodes and their distances, sorted by node, the start included.
     pub fn reached(&self) -> impl Iterator<Item = (Node, f32)> + '_ {
-        self.reached.iter().map(|(&node, &(distance, _))| (node, distance))
+        let ways = self.ways.iter().enumerate().filter(|(_, (distance, _))| distance.is_finite());
+        ways.map(|(index, &(distance, _))| (self.lattice.node(index), distance))
     }
 
     /// Nodes of the shortest path after the start up to `goal`; empty for the start itself, `None` if out of reach.
@@ -66,7 +78,7 @@ impl ShortestPaths {
         let mut node = goal;
         while node != self.start {
             path.push(node);
-            node = self.reached.get(&node)?.1;
+            node = self.way(node)?.1;
         }
         path.reverse();
         Some(path)
@@ -76,9 +88,12 @@ impl ShortestPaths {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
     use proptest::prelude::*;
+    use std::collections::BTreeMap;
 
     const SIDE: i32 = 6;
+    const LATTICE: Lattice = Lattice { origin: Vec3::ZERO, spacing: 1.0, size: [SIDE; 2] };
 
     /// Price of an undirected edge from a table of random numbers; every seventh edge is blocked.
     fn price(table: &[u8], a: Node, b: Node) -> Option<f32> {
@@ -111,7 +126,7 @@ mod tests {
                 best
             };
             let start = Node { i: 2, k: 3 };
-            let paths = ShortestPaths::from(start, |a, b| price(&table, a, b));
+            let paths = ShortestPaths::from(&LATTICE, start, |a, b| price(&table, a, b));
             let expected = bellman_ford(start);
             for &node in &nodes {
                 prop_assert_eq!(paths.distance(node), expected.get(&node).copied());

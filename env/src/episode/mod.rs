@@ -100,9 +100,26 @@ pub struct Episode {
     curve: Vec<f32>,
     covered: Vec<usize>,
     /// The curve as the released code counts it, if asked for.
-    released: Option<Vec<f32>>,
+    released: Option<Released>,
+    /// Covers nothing in between; for counting as the released code does.
+    recount: Option<Coverage>,
     bumps: usize,
     path_length: f32,
+}
+
+/// A second curve, see [`Episode::count_as_released`].
+struct Released {
+    every: usize,
+    curve: Vec<f32>,
+}
+
+impl Released {
+    /// On a straight line to `share`, the last of `len` values.
+    fn go_on(&mut self, share: f32, len: usize) {
+        let (from, last) = (self.curve.len(), self.curve.last().copied().unwrap_or(share));
+        let steps = (len - from) as f32;
+        self.curve.extend((1..=len - from).map(|step| last + (share - last) * (step as f32 / steps)));
+    }
 }
 
 /// How a frame was taken: enough to take it again.
@@ -185,6 +202,7 @@ impl Episode {
             curve: Vec::new(),
             covered: Vec::new(),
             released: None,
+            recount: None,
             bumps: 0,
             path_length: 0.0,
             world,
@@ -194,11 +212,11 @@ impl Episode {
         episode
     }
 
-    /// Keeps a second curve from here on, [`Episode::released_curve`], as the released code counts coverage
-    /// ([`Counting::AsReleased`]). Nothing else depends on it. It costs a sample of the cloud in every step: with 20,000
-    /// ground-truth points some 5 ms, as much as all else in a step of a policy that does not think.
-    pub fn count_as_released(&mut self) {
-        self.released = Some(vec![self.covered_as_released() as f32 / self.world.surface().len() as f32]);
+    /// Keeps a second curve, [`Episode::released_curve`], as the released code counts coverage ([`Counting::AsReleased`]): at the
+    /// start, where it is to be called, in every so many steps and in the last one, on a straight line between. Nothing else
+    /// depends on it. To count takes a sample of the cloud: late in a long episode some 5 ms, as much as all else in three steps.
+    pub fn count_as_released(&mut self, every: usize) {
+        self.released = Some(Released { every: every.max(1), curve: vec![self.share_as_released()] });
     }
 
     /// Performs an action. After the horizon nothing happens any more.
@@ -310,9 +328,10 @@ impl Episode {
         &self.curve
     }
 
-    /// Covered share as the released code counts it, from the step at which [`Episode::count_as_released`] was called.
+    /// Covered share as the released code counts it at the start and after each step up to the last one that was counted, see
+    /// [`Episode::count_as_released`].
     pub fn released_curve(&self) -> Option<&[f32]> {
-        self.released.as_deref()
+        self.released.as_ref().map(|released| &released.curve[..])
     }
 
     /// Covered points after the start and after each step.
@@ -334,12 +353,13 @@ impl Episode {
     pub fn memory_bytes(&self) -> usize {
         let frame =
             self.frame.depth.capacity() * size_of::<f32>() + self.frame.colour.capacity() * size_of::<[u8; 3]>();
-        let released = self.released.as_ref().map_or(0, Vec::capacity);
+        let released = self.released.as_ref().map_or(0, |released| released.curve.capacity());
         let curves =
             (self.curve.capacity() + released) * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
         let track = self.track.capacity() * size_of::<Pose>();
         let shots = self.shots.capacity() * size_of::<Shot>();
-        size_of::<Self>() + self.map.bytes() + self.coverage.bytes() + frame + curves + track + shots
+        let coverage = self.coverage.bytes() + self.recount.as_ref().map_or(0, Coverage::bytes);
+        size_of::<Self>() + self.map.bytes() + coverage + frame + curves + track + shots
     }
 
     fn arrive(&mut self) {
@@ -349,17 +369,25 @@ impl Episode {
             Counting::Exact => self.coverage.covered(),
             Counting::AsReleased => self.covered_as_released(),
         };
-        let share = |covered: usize| covered as f32 / self.world.surface().len() as f32;
-        let released = self.released.as_ref().map(|_| share(self.covered_as_released()));
-        self.curve.push(share(covered));
+        self.curve.push(covered as f32 / self.world.surface().len() as f32);
         self.covered.push(covered);
-        self.released.as_mut().into_iter().for_each(|curve| curve.extend(released));
+        let is_counted =
+            |released: &mut Released| self.step.is_multiple_of(released.every) || self.step == self.horizon;
+        if let Some(mut released) = self.released.take_if(is_counted) {
+            released.go_on(self.share_as_released(), self.curve.len());
+            self.released = Some(released);
+        }
     }
 
-    fn covered_as_released(&self) -> usize {
+    fn covered_as_released(&mut self) -> usize {
         let surface = self.world.surface();
         let mut rng = self.sampling.child("step", self.step as u64).rng();
-        surface.covered_by(&self.map.cloud().sample(&mut rng, 2 * surface.len())).len()
+        let sample = self.map.cloud().sample(&mut rng, 2 * surface.len());
+        self.recount.get_or_insert_with(|| Coverage::new(surface)).glance(surface, &sample).len()
+    }
+
+    fn share_as_released(&mut self) -> f32 {
+        self.covered_as_released() as f32 / self.world.surface().len() as f32
     }
 
     fn share(&self) -> f32 {
@@ -469,7 +497,7 @@ mod tests {
             let world = World::new(Scene::two_rooms(), &SimConfig { coverage, ..SimConfig::default() }).unwrap();
             let mut episode = Episode::new(Arc::new(world), start(1, 2), 5, SeedTree::new(1)).unwrap();
             if coverage.counting == Counting::Exact {
-                episode.count_as_released();
+                episode.count_as_released(1);
             }
             for heading in [3, 6, 1, 4, 7] {
                 episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
@@ -478,6 +506,32 @@ mod tests {
         });
         assert_eq!((both.released_curve().unwrap(), alone.released_curve()), (alone.curve(), None));
         assert_ne!(both.curve(), alone.curve());
+    }
+
+    #[test]
+    fn counted_now_and_then_it_is_the_same_there_and_a_line_between() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let [each, third] = [1, 3].map(|every| {
+            let mut episode = Episode::new(Arc::clone(&world), start(1, 2), 5, SeedTree::new(1)).unwrap();
+            episode.count_as_released(every);
+            for heading in [3, 6, 1, 4, 7] {
+                episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
+            }
+            episode.released_curve().unwrap().to_vec()
+        });
+        let line = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let expected = [
+            each[0],
+            line(each[0], each[3], 1.0 / 3.0),
+            line(each[0], each[3], 2.0 / 3.0),
+            each[3],
+            line(each[3], each[5], 0.5),
+            each[5],
+        ];
+        assert!(
+            third.len() == 6 && third.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6),
+            "{third:?} {expected:?}"
+        );
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod fbe;
 pub mod nbp;
 pub mod oracle;
+mod promise;
 pub mod random;
 pub mod random_nbv;
 pub mod scone;

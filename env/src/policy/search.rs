@@ -5,6 +5,7 @@
 //! promise: what looking around from the best node of the map would add, discounted by the walk to it. So a bound neither nibbles
 //! at what is next to it nor stands still where the search sees nothing.
 
+use super::promise::{DISCOUNT, Promises};
 use super::{Plan, Policy, PolicyError, action_towards};
 use crate::coverage::Coverage;
 use crate::episode::Action;
@@ -16,8 +17,7 @@ use crate::visibility::PointSet;
 use crate::world::World;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use std::cmp::Ordering;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How far and how broadly to search.
@@ -63,9 +63,6 @@ impl SearchConfig {
         Ok(())
     }
 }
-
-/// What a gain one step later is worth: the farther away, the less a promise counts.
-const DISCOUNT: f32 = 0.96;
 
 /// Searches the true map.
 pub struct OracleSearch {
@@ -132,13 +129,15 @@ impl OracleSearch {
 
     fn poses_within_reach(&self, start: Node) -> Vec<LatticePose> {
         let graph = self.world.scene().graph();
-        let paths = ShortestPaths::from(start, |a, b| graph.is_passable(a, b).then_some(1.0));
+        let paths =
+            ShortestPaths::from(self.world.scene().lattice(), start, |a, b| graph.is_passable(a, b).then_some(1.0));
         let poses = |(node, _)| Heading::all().map(move |heading| LatticePose { node, heading });
         paths.reached().flat_map(poses).collect()
     }
 
     /// The best way of `depth` steps.
     fn search(&self, start: LatticePose, covered: PointSet) -> Vec<LatticePose> {
+        let mut promises = Promises::new(&self.world, self.open.as_deref().unwrap_or_default(), &covered);
         let mut beam = vec![Way { poses: vec![start], covered, gain: 0.0 }];
         let mut discount = 1.0;
         for _ in 0..self.config.depth {
@@ -146,14 +145,16 @@ impl OracleSearch {
             let mut best: BTreeMap<LatticePose, Step> = BTreeMap::new();
             for (parent, way) in beam.iter().enumerate() {
                 let Some(&here) = way.poses.last() else { continue };
-                let promised = self.promises(&way.covered);
-                for pose in self.steps_from(here) {
-                    let gain = way.gain + discount * self.gain(here, pose, &way.covered) as f32;
-                    let promise = self.promise_at(Some(&pose), &promised);
-                    let step = Step { parent, pose, gain, worth: gain + discount * DISCOUNT * promise };
-                    let known = best.entry(pose).or_insert(step);
-                    if step.worth > known.worth {
-                        *known = step;
+                let mut promised = promises.after(&way.covered);
+                for node in self.nodes_one_step_from(here.node) {
+                    let promise = discount * DISCOUNT * promised.at(node);
+                    for pose in Heading::all().map(|heading| LatticePose { node, heading }) {
+                        let gain = way.gain + discount * self.gain(here, pose, &way.covered) as f32;
+                        let step = Step { parent, pose, gain, worth: gain + promise };
+                        let known = best.entry(pose).or_insert(step);
+                        if step.worth > known.worth {
+                            *known = step;
+                        }
                     }
                 }
             }
@@ -164,15 +165,10 @@ impl OracleSearch {
             discount *= DISCOUNT;
         }
         // What a way itself has covered is promised to nobody any more.
-        let worth = |way: &Way| way.gain + discount * self.promise_at(way.poses.last(), &self.promises(&way.covered));
-        let ways = beam.into_iter().map(|way| (worth(&way), way));
+        let mut promise = |way: &Way| way.poses.last().map_or(0.0, |pose| promises.after(&way.covered).at(pose.node));
+        let ways = beam.into_iter().map(|way| (way.gain + discount * promise(&way), way));
         let best = ways.reduce(|best, way| if way.0 > best.0 { way } else { best });
         best.map(|(_, way)| way.poses[1..].to_vec()).unwrap_or_default()
-    }
-
-    fn promise_at(&self, pose: Option<&LatticePose>, promised: &[f32]) -> f32 {
-        let index = pose.and_then(|pose| self.world.scene().lattice().index(pose.node));
-        index.map_or(0.0, |index| promised[index])
     }
 
     fn prolong(&self, way: &Way, step: Step) -> Way {
@@ -201,59 +197,9 @@ impl OracleSearch {
         })
     }
 
-    /// For each node, the most that all looks from any one node would add together, discounted by the steps to it.
-    fn promises(&self, covered: &PointSet) -> Vec<f32> {
-        let scene = self.world.scene();
-        let (lattice, graph) = (scene.lattice(), scene.graph());
-        let mut promised = vec![0.0_f32; lattice.len()];
-        let (glimpses, mut around) = (self.world.glimpses(), covered.clone());
-        for poses in self.open.iter().flat_map(|open| open.chunk_by(|a, b| a.node == b.node)) {
-            if let Some(index) = poses.first().and_then(|pose| lattice.index(pose.node)) {
-                around.clone_from(covered);
-                promised[index] = poses.iter().map(|&pose| glimpses.cover(pose, &mut around)).sum::<usize>() as f32;
-            }
-        }
-        let mut order: BinaryHeap<(Promise, usize)> = (0..)
-            .zip(&promised)
-            .filter(|(_, promise)| **promise > 0.0)
-            .map(|(index, &promise)| (Promise(promise), index))
-            .collect();
-        while let Some((Promise(promise), index)) = order.pop() {
-            if promise < promised[index] {
-                continue;
-            }
-            for next in graph.neighbours(lattice.node(index)).filter_map(|node| lattice.index(node)) {
-                if DISCOUNT * promise > promised[next] {
-                    promised[next] = DISCOUNT * promise;
-                    order.push((Promise(promised[next]), next));
-                }
-            }
-        }
-        promised
-    }
-
-    /// Poses one step away: four moves and staying, eight headings each.
-    fn steps_from(&self, here: LatticePose) -> impl Iterator<Item = LatticePose> + '_ {
-        let nodes = self.world.scene().graph().neighbours(here.node).chain([here.node]);
-        nodes.flat_map(|node| Heading::all().map(move |heading| LatticePose { node, heading }))
-    }
-}
-
-/// Never a number that is none, so their order is total.
-#[derive(PartialEq)]
-struct Promise(f32);
-
-impl Eq for Promise {}
-
-impl PartialOrd for Promise {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Promise {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0)
+    /// Four moves and staying.
+    fn nodes_one_step_from(&self, here: Node) -> impl Iterator<Item = Node> + '_ {
+        self.world.scene().graph().neighbours(here).chain([here])
     }
 }
 
@@ -285,7 +231,6 @@ mod tests {
     use super::*;
     use crate::check::check_policy;
     use crate::config::SimConfig;
-    use crate::coverage::Surface;
     use crate::episode::Episode;
     use crate::policy::fbe::Fbe;
     use crate::policy::tests::explore;
@@ -340,37 +285,6 @@ mod tests {
             let before = episode.coverage().covered();
             episode.step(Action { direction: None, heading: to.heading });
             assert_eq!(episode.coverage().covered() - before, expected);
-        }
-    }
-
-    #[test]
-    fn promises_lead_to_what_is_left() {
-        let camera = Camera { width: 112, height: 64, ..Camera::default() };
-        let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() });
-        let world = Arc::new(world.unwrap());
-        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
-        let mut oracle = OracleSearch::greedy(Arc::clone(&world));
-        let episode = Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap();
-        oracle.look_back(&episode.view());
-        // All is covered but what one pose in the far corner sees.
-        let glimpses = world.glimpses();
-        let last = LatticePose { node: Node { i: 7, k: 5 }, heading: Heading::new(2) };
-        let mut left = glimpses.nothing();
-        let gain = glimpses.cover(last, &mut left) as f32;
-        let of_last = glimpses.points(&left);
-        let rest = (0..world.surface().len() as u32).filter(|point| of_last.binary_search(point).is_err());
-        let rest: Vec<Vec3> = rest.map(|point| world.surface().points()[point as usize]).collect();
-        let mut coverage = Coverage::new(&Surface::new(world.surface().points().to_vec(), 1e-3));
-        coverage.add(&Surface::new(world.surface().points().to_vec(), 1e-3), &rest, 0);
-        let promised = oracle.promises(&glimpses.covered_by(&coverage));
-        let graph = world.scene().graph();
-        let paths = ShortestPaths::from(last.node, |a, b| graph.is_passable(a, b).then_some(1.0));
-        let at = |node| promised[world.scene().lattice().index(node).unwrap()];
-        assert_eq!(at(last.node), gain);
-        for (node, steps) in paths.reached() {
-            assert!(at(node) >= gain * DISCOUNT.powf(steps) * 0.999);
-            let next = graph.neighbours(node).map(at).fold(0.0, f32::max);
-            assert!(node == last.node || at(node) >= DISCOUNT * next * 0.999);
         }
     }
 }

@@ -1,11 +1,13 @@
 //! Shortest paths against Floyd and Warshall's algorithm.
 
 use super::{MANY, for_all};
+use glam::Vec3;
 use nbp_env::path::ShortestPaths;
-use nbp_env::{Direction, Node};
+use nbp_env::{Direction, Lattice, Node};
 use rand::RngExt as _;
 
 const SIDE: i32 = 5;
+const LATTICE: Lattice = Lattice { origin: Vec3::ZERO, spacing: 1.0, size: [SIDE; 2] };
 const COUNT: usize = (SIDE * SIDE) as usize;
 
 #[test]
@@ -38,8 +40,8 @@ fn paths_are_the_shortest() {
             }
         }
         let start = rng.random_range(0..COUNT);
-        let paths = ShortestPaths::from(node(start), cost);
-        let again = ShortestPaths::from(node(start), cost);
+        let paths = ShortestPaths::from(&LATTICE, node(start), cost);
+        let again = ShortestPaths::from(&LATTICE, node(start), cost);
         for (goal, &best) in best[start].iter().enumerate() {
             let expected = Some(best).filter(|d| d.is_finite());
             assert_eq!(paths.distance(node(goal)), expected);

@@ -21,7 +21,7 @@ pub struct BenchConfig {
     pub reference: String,
     /// Measure how much of each scene can be seen at all, and show coverage as a share of it: up to half a minute a scene.
     pub visible: bool,
-    /// Measure coverage a second time as the released code counts it: some 5 ms a step. Nothing else depends on it.
+    /// Measure coverage a second time as the released code counts it, in every fifth step. Nothing else depends on it.
     pub released: bool,
     /// Folder that relative `paths` of data sets start from.
     pub maps: PathBuf,

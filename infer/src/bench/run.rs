@@ -46,6 +46,9 @@ pub enum RunError {
     NoScene(String),
 }
 
+/// Coverage is counted as the released code does in every so many steps: in each it would cost more than to simulate them.
+const RELEASED_EVERY: usize = 5;
+
 /// How cells are computed, besides what the manifest says.
 #[derive(Clone, Copy, Debug)]
 pub struct Measures {
@@ -207,7 +210,7 @@ impl Work<'_> {
             .map_err(|source| RunError::Registry { row: row.name.clone(), source })?;
         let mut episode = trial.episode(&world).map_err(of_row)?;
         if self.measures.released {
-            episode.count_as_released();
+            episode.count_as_released(RELEASED_EVERY);
         }
         let record = go_on(episode, policy.as_mut(), trial, |_, _| Ok(())).map_err(of_row)?.record;
         Ok(EpisodeRecord { policy: row.name.clone(), ..record })

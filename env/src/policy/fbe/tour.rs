@@ -4,12 +4,10 @@
 //! The shortest tour of all picks up every crumb on its way, and steps run out before it ends. So a tour is rated by what it
 //! finds and when: each find is worth the less the later it comes.
 
-use super::careful_price;
+use super::CarefulPrices;
 use super::look::Look;
-use crate::map::MapView;
 use crate::path::ShortestPaths;
 use crate::pose::Node;
-use std::collections::HashMap;
 
 /// What a find one step later is worth.
 const DISCOUNT: f32 = 0.9;
@@ -18,11 +16,11 @@ const DISCOUNT: f32 = 0.9;
 const MOST_STOPS: usize = 16;
 
 /// The first stop of the best tour found that begins at the agent and ends anywhere.
-pub(super) fn first(view: &MapView<'_>, mut looks: Vec<Look>) -> Option<Look> {
+pub(super) fn first(prices: &mut CarefulPrices<'_>, mut looks: Vec<Look>) -> Option<Look> {
     let promise = |look: &Look| worth(look) * DISCOUNT.powf(look.distance);
     looks.sort_by(|a, b| promise(b).total_cmp(&promise(a)));
     looks.truncate(MOST_STOPS);
-    let tour = tour(view, &looks);
+    let tour = tour(prices, &looks);
     let first = *tour.first()?;
     looks.into_iter().nth(first)
 }
@@ -43,12 +41,10 @@ struct Stops {
 }
 
 /// Order of the looks.
-fn tour(view: &MapView<'_>, looks: &[Look]) -> Vec<usize> {
+fn tour(prices: &mut CarefulPrices<'_>, looks: &[Look]) -> Vec<usize> {
     let nodes: Vec<Node> = looks.iter().map(|look| look.pose.node).collect();
-    let mut known: HashMap<(Node, Node), Option<f32>> = HashMap::new();
-    let mut distances = |from: &Node| {
-        let price = |a, b| *known.entry((a, b)).or_insert_with(|| careful_price(view, a, b));
-        let paths = ShortestPaths::from(*from, price);
+    let mut distances = |&from: &Node| {
+        let paths = ShortestPaths::from(prices.view.lattice(), from, |a, b| prices.of(a, b));
         // A look from where another one was is a turn, which is a step.
         nodes.iter().map(|&to| paths.distance(to).unwrap_or(f32::INFINITY).max(1.0)).collect::<Vec<f32>>()
     };

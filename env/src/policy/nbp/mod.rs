@@ -177,10 +177,11 @@ impl Nbp {
     ) -> Vec<LatticePose> {
         let here = view.pose();
         let price = |a, b| self.price(view, thought, a, b);
-        let mut paths = ShortestPaths::from(here.node, |a, b| price(a, b).filter(|&price| price < DOUBTFUL_PRICE));
+        let mut paths =
+            ShortestPaths::from(view.lattice(), here.node, |a, b| price(a, b).filter(|&price| price < DOUBTFUL_PRICE));
         if paths.reached().count() == 1 {
             // Walled in by what only looks like walls: a doubtful way out is better than none.
-            paths = ShortestPaths::from(here.node, price);
+            paths = ShortestPaths::from(view.lattice(), here.node, price);
         }
         let value = |pose| thought.1.value.of_pose(&thought.0.window, view.lattice(), pose);
         let goals = paths.reached().map(|(node, _)| node).filter(|node| !tried.contains(node));
