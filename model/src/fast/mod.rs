@@ -2,11 +2,12 @@
 //!
 //! Burn's `flex` runs both directions of a convolution's backward pass as generic convolutions over permuted copies, and
 //! batch norm as a chain of passes over memory. Here 3×3 convolutions are Winograd's (`winograd`; direct ones for odd sides, and
-//! of one pixel, in `conv` over `kernel`), norms, pools and the step of AdamW single passes (`norm`, `planes`, `adamw`), all
-//! registered as operations of Burn (`ops`). Every other device takes Burn's own operators, as does `flex` after
+//! of one pixel, in `conv` over `kernel`), norms, pools, activations and the step of AdamW single passes (`norm`, `planes`,
+//! `activation`, `adamw`), all registered as operations of Burn (`ops`). Every other device takes Burn's own operators, as does `flex` after
 //! [`enable`]`(false)`. Results are the same bytes for any number of threads: each number is summed by one task in one
 //! order.
 
+mod activation;
 mod adamw;
 mod buffer;
 mod conv;
@@ -133,6 +134,22 @@ pub(crate) fn norm(x_bchw: &Tensor<4>, channels: [Tensor<1>; 4], epsilon: f64, r
         let x = x_bchw.clone().into_dispatch();
         Tensor::from_dispatch(<Dispatch as FastOps>::fast_norm(x, weight, bias, mean, var, epsilon as f32, relu))
     })
+}
+
+/// GELU, by Burn where the kernels cannot.
+pub(crate) fn gelu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    match takes(&x) {
+        true => Tensor::from_dispatch(<Dispatch as FastOps>::fast_gelu(x.into_dispatch())),
+        false => burn::tensor::activation::gelu(x),
+    }
+}
+
+/// Softmax of the last axis, by Burn where the kernels cannot.
+pub(crate) fn softmax<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    match takes(&x) {
+        true => Tensor::from_dispatch(<Dispatch as FastOps>::fast_softmax(x.into_dispatch())),
+        false => burn::tensor::activation::softmax(x, D - 1),
+    }
 }
 
 /// A step of AdamW on a tensor that it [`takes`]: weights, gradient and the two moments → weights and moments.

@@ -4,7 +4,7 @@ use super::adamw::{self, Rule};
 use super::conv::{self, Geometry, Kernels};
 use super::kernel::Machine;
 use super::norm::{self, Channels, Planes};
-use super::{planes, up};
+use super::{activation, planes, up};
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{
     base::Checkpointer, retro_forward::RetroForward, state::BackwardStates, strategy::CheckpointStrategy,
@@ -70,6 +70,12 @@ pub(super) trait FastOps: Backend {
     /// Planes times one plane: `[b, c, h, w]` · `[b, 1, h, w]`.
     fn fast_scale(x: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self>;
 
+    /// GELU.
+    fn fast_gelu(x: FloatTensor<Self>) -> FloatTensor<Self>;
+
+    /// Softmax of the last axis.
+    fn fast_softmax(x: FloatTensor<Self>) -> FloatTensor<Self>;
+
     /// A step of AdamW: weights, gradient and moments → weights and moments; not differentiable.
     fn fast_adamw(
         weight: FloatTensor<Self>,
@@ -108,6 +114,11 @@ fn tensor(numbers: Vec<f32>, shape: impl Into<Vec<usize>>) -> Flexed {
 fn dims<const D: usize>(tensor: &Flexed) -> [usize; D] {
     let shape = tensor.layout().shape().as_slice();
     std::array::from_fn(|axis| shape[axis])
+}
+
+/// Numbers along the last axis.
+fn last(tensor: &Flexed) -> usize {
+    tensor.layout().shape().as_slice().last().copied().unwrap_or(1)
 }
 
 fn geometry(x: &Flexed, weight: &Flexed) -> Geometry {
@@ -200,6 +211,19 @@ impl FastOps for Flex {
     fn fast_scale(x: Flexed, factor: Flexed) -> Flexed {
         let (x, factor) = (contiguous(x), contiguous(factor));
         tensor(planes::scale(plane_sizes(&x), numbers(&x), numbers(&factor)), dims::<4>(&x))
+    }
+
+    fn fast_gelu(x: Flexed) -> Flexed {
+        let mut x = whole(x);
+        activation::gelu(x.storage_mut());
+        x
+    }
+
+    fn fast_softmax(x: Flexed) -> Flexed {
+        let mut x = whole(x);
+        let row = last(&x);
+        activation::softmax(x.storage_mut(), row);
+        x
     }
 
     fn fast_adamw(
@@ -321,6 +345,26 @@ impl<C: CheckpointStrategy> FastOps for Autodiff<Flex, C> {
                 let state = [prep.checkpoint(&x), prep.checkpoint(&factor)];
                 prep.finish(state, out)
             }
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn fast_gelu(x: FloatTensor<Self>) -> FloatTensor<Self> {
+        let out = Flex::fast_gelu(x.clone().into_primitive());
+        match GeluBackward.prepare::<C>([x.node()]).compute_bound().stateful() {
+            OpsKind::Tracked(mut prep) => {
+                let x = prep.checkpoint(&x);
+                prep.finish(x, out)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn fast_softmax(x: FloatTensor<Self>) -> FloatTensor<Self> {
+        let nodes = [x.node()];
+        let out = Flex::fast_softmax(x.into_primitive());
+        match SoftmaxBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish(out.clone(), out),
             OpsKind::UnTracked(prep) => prep.finish(out),
         }
     }
@@ -457,6 +501,39 @@ impl Backward<Flex, 2> for ScaleBackward {
         }
         if let Some(node) = node_x {
             grads.register::<Flex>(node.id, Flex::fast_scale(g, factor));
+        }
+    }
+}
+
+#[derive(Debug)]
+struct GeluBackward;
+
+impl Backward<Flex, 1> for GeluBackward {
+    /// Input.
+    type State = NodeId;
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
+        let mut g = whole(grads.consume::<Flex>(&ops.node));
+        let x = contiguous(checkpointer.retrieve_node_output(ops.state));
+        if let [Some(node)] = ops.parents {
+            activation::gelu_backward(numbers(&x), g.storage_mut());
+            grads.register::<Flex>(node.id, g);
+        }
+    }
+}
+
+#[derive(Debug)]
+struct SoftmaxBackward;
+
+impl Backward<Flex, 1> for SoftmaxBackward {
+    /// Answer.
+    type State = Flexed;
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let mut g = whole(grads.consume::<Flex>(&ops.node));
+        if let [Some(node)] = ops.parents {
+            activation::softmax_backward(numbers(&ops.state), g.storage_mut(), last(&ops.state));
+            grads.register::<Flex>(node.id, g);
         }
     }
 }

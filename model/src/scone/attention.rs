@@ -1,9 +1,9 @@
 //! Attention over a set of points, and the encoder made of it: two residual steps, each behind a norm of its own.
 
 use super::layers::{Linear, Norm, Padding};
+use crate::fast;
 use crate::net::init::Init;
 use burn::prelude::*;
-use burn::tensor::activation::softmax;
 
 /// Multi-head attention of a set of points on itself; queries and keys are a quarter as wide as values.
 #[derive(Module, Debug)]
@@ -43,7 +43,7 @@ impl Attention {
             Some(padding) => score_bhnn + padding.bias_bn1.clone().reshape([b, 1, 1, n]),
             None => score_bhnn,
         };
-        let mixed_bhnd = softmax(score_bhnn, 3).matmul(value_bhnd);
+        let mixed_bhnd = fast::softmax(score_bhnn).matmul(value_bhnd);
         self.out.forward(mixed_bhnd.swap_dims(1, 2).reshape([b, n, e]))
     }
 }

@@ -1,9 +1,9 @@
 //! The bricks of both networks: linear layers, norms, embeddings of points, and what is known of padding.
 
+use crate::fast;
 use crate::net::init::Init;
 use burn::module::Param;
 use burn::prelude::*;
-use burn::tensor::activation::gelu;
 use burn::tensor::module::{layer_norm, linear};
 
 /// Of the variance, as PyTorch's layer norm.
@@ -44,7 +44,7 @@ impl Linear {
 
     /// The same with GELU behind it.
     pub(super) fn forward_gelu<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        gelu(self.forward(x))
+        fast::gelu(self.forward(x))
     }
 }
 

@@ -50,6 +50,21 @@ impl SconePredictor {
 impl NbvPredictor for SconePredictor {
     /// Probabilities, cut to 0 to 1: the last layer is a GELU, which is not bounded above and dips below zero.
     fn occupancy(&self, inputs: &[OccupancyInput]) -> Result<Vec<Vec<f32>>, PredictError> {
+        in_pool(|| self.occupied(inputs))
+    }
+
+    fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
+        in_pool(|| self.gained(candidates))
+    }
+}
+
+/// Computes on a thread of the pool: for each operator of its own, one from elsewhere would wait for a thread there to wake.
+fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| work())
+}
+
+impl SconePredictor {
+    fn occupied(&self, inputs: &[OccupancyInput]) -> Result<Vec<Vec<f32>>, PredictError> {
         inputs.iter().try_for_each(batch::check_occupancy)?;
         let asking: Vec<usize> = (0..inputs.len()).filter(|&n| !inputs[n].queries.is_empty()).collect();
         let mut answers: Vec<Vec<f32>> = inputs.iter().map(|input| Vec::with_capacity(input.queries.len())).collect();
@@ -72,7 +87,7 @@ impl NbvPredictor for SconePredictor {
         Ok(answers)
     }
 
-    fn gains(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
+    fn gained(&self, candidates: &[CandidateInput]) -> Result<Vec<f32>, PredictError> {
         candidates.iter().try_for_each(batch::check_candidate)?;
         let mut gains = vec![0.0; candidates.len()];
         // Those of a size go together, so that little is padding.
