@@ -130,25 +130,43 @@ impl WithSimd for Softmax<'_> {
             // What fills up the last numbers has no exponential.
             let mut last = [f32::NEG_INFINITY; LANES];
             last[..rest.len()].copy_from_slice(rest);
-            let mut tops = last;
-            for x in &*whole {
-                for (top, &x) in tops.iter_mut().zip(x) {
-                    *top = if x > *top { x } else { *top };
-                }
+            let largest = |a: f32, b: f32| if a > b { a } else { b };
+            let tops = whole.iter().fold(last, |tops, x| std::array::from_fn(|n| largest(x[n], tops[n])));
+            let top = folded(tops, largest);
+            let mut sums = exponentials(whole, top, [0.0; LANES]);
+            if !rest.is_empty() {
+                sums = exponentials(std::slice::from_mut(&mut last), top, sums);
+                rest.copy_from_slice(&last[..rest.len()]);
             }
-            let top = tops.into_iter().fold(f32::NEG_INFINITY, f32::max);
-            let mut sums = [0.0; LANES];
-            for x in whole.iter_mut().chain([&mut last]) {
-                for (x, sum) in x.iter_mut().zip(&mut sums) {
-                    *x = exp(*x - top);
-                    *sum += *x;
-                }
-            }
-            rest.copy_from_slice(&last[..rest.len()]);
-            let inverse = 1.0 / sums.iter().sum::<f32>();
+            let inverse = 1.0 / folded(sums, |a, b| a + b);
             row.iter_mut().for_each(|x| *x *= inverse);
         }
     }
+}
+
+/// Numbers become the exponentials of what they are below `top`, which are added to the sums.
+#[inline(always)]
+fn exponentials(x: &mut [[f32; LANES]], top: f32, mut sums: [f32; LANES]) -> [f32; LANES] {
+    for x in x {
+        for (x, sum) in x.iter_mut().zip(&mut sums) {
+            *x = exp(*x - top);
+            *sum += *x;
+        }
+    }
+    sums
+}
+
+/// One of many, by halves.
+#[inline(always)]
+fn folded(mut x: [f32; LANES], of: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for n in 0..half {
+            x[n] = of(x[n], x[n + half]);
+        }
+        half /= 2;
+    }
+    x[0]
 }
 
 struct SoftmaxBackward<'a> {
@@ -169,7 +187,7 @@ impl WithSimd for SoftmaxBackward<'_> {
                     *sum += g * y;
                 }
             }
-            let mean = sums.iter().sum::<f32>();
+            let mean = folded(sums, |a, b| a + b);
             g.iter_mut().zip(y).for_each(|(g, y)| *g = (*g - mean) * y);
         }
     }

@@ -1,11 +1,11 @@
 //! Our own convolution, batch norm and the like for the CPU back end, which decide how much a short training run can learn.
 //!
-//! Burn's `flex` runs both directions of a convolution's backward pass as generic convolutions over permuted copies, and
-//! batch norm as a chain of passes over memory. Here 3×3 convolutions are Winograd's (`winograd`; direct ones for odd sides, and
-//! of one pixel, in `conv` over `kernel`), norms, pools, activations and the step of AdamW single passes (`norm`, `planes`,
-//! `activation`, `adamw`), all registered as operations of Burn (`ops`). Every other device takes Burn's own operators, as does `flex` after
-//! [`enable`]`(false)`. Results are the same bytes for any number of threads: each number is summed by one task in one
-//! order.
+//! Burn's `flex` runs both directions of a convolution's backward pass as generic convolutions over permuted copies,
+//! and batch norm as a chain of passes over memory. Here 3×3 convolutions are Winograd's (`winograd`; direct ones for
+//! odd sides, and of one pixel, in `conv` over `kernel`), norms, pools, activations and the step of AdamW single passes
+//! (`norm`, `planes`, `activation`, `adamw`), all registered as operations of Burn (`ops`). Every other device takes
+//! Burn's own operators, as does `flex` after [`enable`]`(false)`. Results are the same bytes for any number of
+//! threads: each number is summed by one task in one order.
 
 mod activation;
 mod adamw;
