@@ -1,10 +1,13 @@
-//! Training samples from an executed path: the coverage gain of every sub-path (paper, section 4.3).
+//! Training samples: the coverage gain of every sub-path of an executed path (paper, section 4.3), or of a look from anywhere.
 
 use crate::pose::{Heading, Lattice, LatticePose};
 use crate::predict::EncoderInput;
+use crate::visibility::PointSet;
+use crate::window::Window;
+use crate::world::World;
 use serde::{Deserialize, Serialize};
 
-/// True gain of walking from the sample's pose to a pose of its path.
+/// True gain of walking from the sample's pose to a pose of its path, or of a look from a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueLabel {
     /// Heading at the end of the walk.
@@ -13,7 +16,7 @@ pub struct ValueLabel {
     pub row: usize,
     /// Cell of the value map.
     pub col: usize,
-    /// Percent points of the ground-truth surface.
+    /// Percent points of the ground-truth surface; of looks, its square metres.
     pub gain: f32,
 }
 
@@ -54,6 +57,8 @@ pub enum LabelKind {
     Goals,
     /// All that follow but the goal, by what was covered before their frames (released code).
     AsReleased,
+    /// No path: every pose of the window, by what a look from there would add now, see [`look_labels`].
+    Looks,
 }
 
 /// Labels of waypoint `i` of a path: `100 · (covered_j − covered_i) / surface` at pose `j`, for every `j > i` of `kind` that
@@ -70,6 +75,7 @@ pub fn value_labels(
         LabelKind::SubPaths => true,
         LabelKind::Goals => j == goal,
         LabelKind::AsReleased => j < goal,
+        LabelKind::Looks => false,
     };
     let covered = |j: usize| match kind {
         LabelKind::AsReleased => path[j.saturating_sub(1)].covered,
@@ -82,6 +88,25 @@ pub fn value_labels(
             let (row, col) = from.input.window.value_cell(lattice.position(to.pose.node))?;
             let gain = 100.0 * covered(j).saturating_sub(covered(i)) as f32 / surface.max(1) as f32;
             Some(ValueLabel { heading: to.pose.heading, row, col, gain })
+        })
+        .collect()
+}
+
+/// What a look from every lattice pose that a window shows would add to `covered`, square metres of surface; nothing where
+/// nobody can stand. The gain of a next best view, for all poses at once: a step gives thousands of labels, where a walked
+/// path gives as many as it has poses.
+pub fn look_labels(world: &World, covered: &PointSet, window: &Window) -> Vec<ValueLabel> {
+    let (scene, glimpses) = (world.scene(), world.glimpses());
+    let (lattice, per_point) = (scene.lattice(), world.area() / world.surface().len().max(1) as f32);
+    let nodes = (0..lattice.len()).map(|index| lattice.node(index));
+    let cells = nodes.filter_map(|node| Some((node, window.value_cell(lattice.position(node))?)));
+    cells
+        .flat_map(|(node, (row, col))| {
+            let is_free = scene.graph().largest_component().binary_search(&node).is_ok();
+            Heading::all().map(move |heading| {
+                let gain = if is_free { glimpses.gain(LatticePose { node, heading }, covered) } else { 0 };
+                ValueLabel { heading, row, col, gain: per_point * gain as f32 }
+            })
         })
         .collect()
 }

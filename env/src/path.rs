@@ -13,6 +13,33 @@ pub struct ShortestPaths {
     ways: Vec<(f32, Node)>,
 }
 
+/// Prices of moves, each worked out once: who plans several ways at once asks for the same moves again and again.
+pub struct PriceList<'a> {
+    lattice: Lattice,
+    price: Box<dyn Fn(Node, Node) -> Option<f32> + 'a>,
+    /// By node and direction.
+    known: Vec<[Option<Option<f32>>; 4]>,
+}
+
+impl<'a> PriceList<'a> {
+    /// Of moves on a lattice.
+    pub fn new(lattice: &Lattice, price: impl Fn(Node, Node) -> Option<f32> + 'a) -> Self {
+        Self { lattice: *lattice, price: Box::new(price), known: vec![[None; 4]; lattice.len()] }
+    }
+
+    /// What the move from `a` to its neighbour `b` costs.
+    pub fn of(&mut self, a: Node, b: Node) -> Option<f32> {
+        let known = &mut self.known[self.lattice.index(a)?][Direction::between(a, b)? as usize];
+        *known.get_or_insert_with(|| (self.price)(a, b))
+    }
+
+    /// Shortest paths at these prices.
+    pub fn paths_from(&mut self, start: Node) -> ShortestPaths {
+        let lattice = self.lattice;
+        ShortestPaths::from(&lattice, start, |a, b| self.of(a, b))
+    }
+}
+
 /// Costs are finite and not negative, so their order is total.
 #[derive(PartialEq)]
 struct Cost(f32);

@@ -5,8 +5,8 @@ use crate::coverage::Surface;
 use crate::encode::EncodeConfig;
 use crate::motion::Agent;
 use crate::pose::{HEADINGS, Heading, LatticePose, Node};
-use crate::scene::Scene;
 use crate::scene::slice::ObstacleGrid;
+use crate::scene::{Scene, surface};
 use crate::seed::SeedTree;
 use crate::sensor::{RgbdCamera, Sensor};
 use crate::visibility::{Visibility, VisibilityCache};
@@ -20,6 +20,7 @@ use std::sync::{Arc, OnceLock};
 pub struct World {
     scene: Arc<Scene>,
     surface: Arc<Surface>,
+    area: f32,
     obstacles: ObstacleGrid,
     sensor: Arc<dyn Sensor>,
     config: SimConfig,
@@ -55,6 +56,7 @@ impl World {
         }
         Ok(Self {
             surface: Arc::new(surface),
+            area: surface::area(&scene),
             obstacles: ObstacleGrid::draw(scene.walls(), config.encode.window),
             sensor: Arc::from(sensor),
             config,
@@ -74,6 +76,7 @@ impl World {
         Ok(Self {
             scene: Arc::clone(&self.scene),
             surface: Arc::clone(&self.surface),
+            area: self.area,
             obstacles: ObstacleGrid::draw(self.scene.walls(), encode.window),
             sensor: Arc::clone(&self.sensor),
             config,
@@ -90,6 +93,11 @@ impl World {
     /// Ground-truth surface points.
     pub fn surface(&self) -> &Surface {
         &self.surface
+    }
+
+    /// Area of the surface that counts, square metres.
+    pub fn area(&self) -> f32 {
+        self.area
     }
 
     /// Ground-truth obstacles of the camera plane.

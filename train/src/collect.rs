@@ -5,7 +5,7 @@ use crate::config::CollectConfig;
 use crate::interrupt;
 use crate::memory::PackedSample;
 use nbp_env::episode::Episode;
-use nbp_env::label::{LabelKind, Sample, Waypoint, value_labels};
+use nbp_env::label::{LabelKind, Sample, Waypoint, look_labels, value_labels};
 use nbp_env::policy::nbp::{Nbp, Passability};
 use nbp_env::policy::{Plan, PolicyError};
 use nbp_env::world::{StartError, World};
@@ -101,6 +101,11 @@ fn trajectory(
         if interrupt::asked() {
             return Err(CollectError::Interrupted);
         }
+        if config.labels == LabelKind::Looks && episode.steps().is_multiple_of(config.every) {
+            let begun = Instant::now();
+            samples.push(look_around(&episode));
+            packing += begun.elapsed();
+        }
         let action = policy.act(&episode.view(), &mut rng)?;
         // A plan made just now ends the path before it: the pose between them is its goal and the next one's start.
         if policy.plan().is_some_and(|plan| plan.made_at == episode.steps()) && path.len() > 1 {
@@ -134,9 +139,21 @@ fn waypoint(episode: &Episode) -> Waypoint {
     }
 }
 
+/// A sample of what looks from everywhere would add.
+fn look_around(episode: &Episode) -> PackedSample {
+    let (world, input) = (episode.world(), episode.encode());
+    let covered = world.glimpses().covered_by(episode.coverage());
+    PackedSample::new(&Sample {
+        step: episode.steps(),
+        labels: look_labels(world, &covered, &input.window),
+        obstacles: world.obstacles().crop(&input.window),
+        input,
+    })
+}
+
 /// One sample for each pose of a path but its last.
 fn cut(path: &[Waypoint], labels: LabelKind, world: &World) -> Vec<PackedSample> {
-    let last = path.len().saturating_sub(1);
+    let last = if labels == LabelKind::Looks { 0 } else { path.len().saturating_sub(1) };
     path[..last]
         .iter()
         .enumerate()

@@ -140,8 +140,10 @@ pub struct CollectConfig {
     /// Trajectories that are walked side by side and ask the network together; 1: each asks for itself. On the CPU the
     /// samples do not depend on it.
     pub batch: usize,
-    /// Which poses of a path become labels of the others: `sub-paths` (paper), `goals` or `as-released`.
+    /// Which poses of a path become labels of the others: `sub-paths` (paper), `goals` or `as-released`; or `looks` from everywhere.
     pub labels: LabelKind,
+    /// With `labels = "looks"`: steps from one sample to the next.
+    pub every: usize,
     /// How goals and headings are drawn (paper: Boltzmann; released code: β = 0.5 percent points).
     pub policy: NbpConfig,
 }
@@ -156,6 +158,7 @@ impl Default for CollectConfig {
             enough: 0.95,
             batch: 1,
             labels: LabelKind::SubPaths,
+            every: 1,
             policy,
         }
     }
@@ -354,6 +357,7 @@ impl Config {
                 self.collect.batch.to_string(),
                 "from 1 to 256",
             ),
+            (self.collect.every >= 1, "collect.every", self.collect.every.to_string(), "at least 1"),
             (self.collect.steps >= 1, "collect.steps", self.collect.steps.to_string(), "at least 1"),
             (self.eval.steps >= 1, "eval.steps", self.eval.steps.to_string(), "at least 1"),
             (self.eval.starts >= 1, "eval.starts", self.eval.starts.to_string(), "at least 1"),

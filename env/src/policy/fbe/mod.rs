@@ -9,8 +9,8 @@ use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_t
 use crate::episode::Action;
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
-use crate::path::ShortestPaths;
-use crate::pose::{Direction, Heading, LatticePose, Node};
+use crate::path::{PriceList, ShortestPaths};
+use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
 use clusters::{CellIndex, clusters};
 use look::{Look, best_look, nearest_unseen, nodes_near};
@@ -62,14 +62,14 @@ impl Fbe {
 
     fn make_plan(&mut self, view: &MapView<'_>) {
         let here = view.pose().node;
-        let mut careful = CarefulPrices::new(view);
-        let price = |a, b| if self.rule == Rule::Nearest { observed_price(view, a, b) } else { careful.of(a, b) };
-        let paths = ShortestPaths::from(view.lattice(), here, price);
+        let price = if self.rule == Rule::Nearest { observed_price } else { careful_price };
+        let mut prices = PriceList::new(view.lattice(), |a, b| price(view, a, b));
+        let paths = prices.paths_from(here);
         let clusters = clusters(view);
         let goal = match self.rule {
             Rule::Nearest => nearest(view, &paths, &clusters),
             Rule::Gain => largest_for_its_way(looks(view, &paths, &clusters)),
-            Rule::Tsp => tour::first(&mut careful, looks(view, &paths, &clusters)),
+            Rule::Tsp => tour::first(&mut prices, looks(view, &paths, &clusters)),
         };
         let (path, target) = match goal.or_else(|| nearest_unseen(view, &paths)) {
             None => (Vec::new(), Vec::new()),
@@ -140,24 +140,6 @@ fn careful_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
     let is_unknown = |cell| view.occupancy().get(cell) == Cell::Unknown;
     let crosses_unknown = || !view.is_traversed(a, b) && cells_between(from, to, occupancy::CELL).any(is_unknown);
     Some(if price < UNKNOWN_PRICE && crosses_unknown() { UNKNOWN_PRICE } else { price })
-}
-
-/// [`careful_price`] of each move, worked out once: a tour asks for the ways from every stop.
-struct CarefulPrices<'a> {
-    view: &'a MapView<'a>,
-    /// By node and direction.
-    known: Vec<[Option<Option<f32>>; 4]>,
-}
-
-impl<'a> CarefulPrices<'a> {
-    fn new(view: &'a MapView<'a>) -> Self {
-        Self { view, known: vec![[None; 4]; view.lattice().len()] }
-    }
-
-    fn of(&mut self, a: Node, b: Node) -> Option<f32> {
-        let known = &mut self.known[self.view.lattice().index(a)?][Direction::between(a, b)? as usize];
-        *known.get_or_insert_with(|| careful_price(self.view, a, b))
-    }
 }
 
 /// Turns the poses before the goal to the frontiers that they pass: to look where one walks is to look at what is known.

@@ -4,9 +4,8 @@
 //! The shortest tour of all picks up every crumb on its way, and steps run out before it ends. So a tour is rated by what it
 //! finds and when: each find is worth the less the later it comes.
 
-use super::CarefulPrices;
 use super::look::Look;
-use crate::path::ShortestPaths;
+use crate::path::PriceList;
 use crate::pose::Node;
 
 /// What a find one step later is worth.
@@ -16,7 +15,7 @@ const DISCOUNT: f32 = 0.9;
 const MOST_STOPS: usize = 16;
 
 /// The first stop of the best tour found that begins at the agent and ends anywhere.
-pub(super) fn first(prices: &mut CarefulPrices<'_>, mut looks: Vec<Look>) -> Option<Look> {
+pub(super) fn first(prices: &mut PriceList<'_>, mut looks: Vec<Look>) -> Option<Look> {
     let promise = |look: &Look| worth(look) * DISCOUNT.powf(look.distance);
     looks.sort_by(|a, b| promise(b).total_cmp(&promise(a)));
     looks.truncate(MOST_STOPS);
@@ -41,10 +40,10 @@ struct Stops {
 }
 
 /// Order of the looks.
-fn tour(prices: &mut CarefulPrices<'_>, looks: &[Look]) -> Vec<usize> {
+fn tour(prices: &mut PriceList<'_>, looks: &[Look]) -> Vec<usize> {
     let nodes: Vec<Node> = looks.iter().map(|look| look.pose.node).collect();
     let mut distances = |&from: &Node| {
-        let paths = ShortestPaths::from(prices.view.lattice(), from, |a, b| prices.of(a, b));
+        let paths = prices.paths_from(from);
         // A look from where another one was is a turn, which is a step.
         nodes.iter().map(|&to| paths.distance(to).unwrap_or(f32::INFINITY).max(1.0)).collect::<Vec<f32>>()
     };

@@ -13,6 +13,8 @@ pub struct NbpConfig {
     pub goals: Goals,
     /// When a new path is planned.
     pub replan: Replan,
+    /// With `goals = "surroundings"`: what a gain one step later is worth, below 1.
+    pub discount: f32,
     /// Probability from which a pixel is an obstacle (paper: not given; released code: 0.13).
     pub obstacle_threshold: f32,
     /// Obstacle pixels on a move's segment from which it is blocked (released code: 2 at 256 pixels).
@@ -60,6 +62,9 @@ pub enum Goals {
     /// Every position but the current one, by the value of its best heading; all headings of the path are then the best
     /// that are not visited, whatever the rule for goals (released code).
     Positions,
+    /// Every position, by what looking around from it promises, the less the longer the way: a receding horizon (Bircher et
+    /// al., ICRA 2016). Wants a network that learnt from `collect.labels = "looks"`, whose values are not those of ways.
+    Surroundings,
 }
 
 impl Default for NbpConfig {
@@ -68,6 +73,7 @@ impl Default for NbpConfig {
             goal: GoalRule::Greedy,
             goals: Goals::Poses,
             replan: Replan::OnArrival,
+            discount: 0.96,
             obstacle_threshold: 0.5,
             blocking_pixels: 2,
             fuse_observed: false,
@@ -105,6 +111,9 @@ impl NbpConfig {
         }
         if !(0.0..=1.0).contains(&self.obstacle_threshold) {
             return refuse("obstacle_threshold", self.obstacle_threshold.to_string(), "a probability, 0 to 1");
+        }
+        if !(self.discount > 0.0 && self.discount < 1.0) {
+            return refuse("discount", self.discount.to_string(), "between 0 and 1");
         }
         if self.blocking_pixels == 0 {
             return refuse("blocking_pixels", "0".into(), "at least 1, or every move is blocked");

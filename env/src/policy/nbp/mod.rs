@@ -1,6 +1,7 @@
 //! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2).
 
 mod config;
+mod outlook;
 mod projection;
 
 pub use config::{Goals, NbpConfig, NbpConfigError, Replan};
@@ -11,11 +12,12 @@ use crate::episode::Action;
 use crate::goal::{Candidate, GoalRule};
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, occupancy};
-use crate::path::ShortestPaths;
-use crate::pose::{Heading, LatticePose, Node};
+use crate::path::{PriceList, ShortestPaths};
+use crate::pose::{HEADINGS, Heading, LatticePose, Node};
 use crate::predict::{EncoderInput, Prediction, Predictor};
 use crate::seed::Rng;
 use crate::world::World;
+use outlook::Outlook;
 use projection::{Projection, Seen};
 use rand::RngExt as _;
 use std::collections::BTreeSet;
@@ -55,6 +57,7 @@ pub struct Nbp {
     /// Goals that are none any more.
     refused: BTreeSet<Node>,
     projection: Projection,
+    outlook: Outlook,
 }
 
 impl Nbp {
@@ -65,8 +68,8 @@ impl Nbp {
         passability: Passability,
         trajectory: Trajectory,
     ) -> Self {
-        let (closed, refused, projection) = Default::default();
-        Self { predictor, config, passability, trajectory, plan: None, next: 0, closed, refused, projection }
+        let (closed, refused, projection, outlook) = Default::default();
+        Self { predictor, config, passability, trajectory, plan: None, next: 0, closed, refused, projection, outlook }
     }
 
     /// The pose to go to next, if the plan still holds.
@@ -104,12 +107,14 @@ impl Nbp {
     fn price(&self, view: &MapView<'_>, thought: &Thought, a: Node, b: Node) -> Option<f32> {
         let input = &thought.0;
         let (from, to) = (view.lattice().position(a), view.lattice().position(b));
-        input.window.pixel(to)?;
+        let is_known = || cells_between(from, to, occupancy::CELL).all(|cell| view.occupancy().get(cell) == Cell::Free);
+        if input.window.pixel(to).is_none() && !(self.config.goals == Goals::Surroundings && is_known()) {
+            return None;
+        }
         if let Passability::Truth(world) = &self.passability {
             return world.scene().graph().is_passable(a, b).then_some(1.0);
         }
         let observed = observed_price(view, a, b).filter(|_| !self.closed.contains(&[a, b]))?;
-        let is_known = || cells_between(from, to, occupancy::CELL).all(|cell| view.occupancy().get(cell) == Cell::Free);
         if view.is_traversed(a, b) || (self.config.fuse_observed && is_known()) {
             return Some(1.0);
         }
@@ -155,9 +160,15 @@ impl Nbp {
         if config.slice_overrides || config.observed_penalty > 0.0 || config.observed_within.is_some() {
             self.projection.update(view);
         }
+        if config.goals == Goals::Surroundings {
+            self.outlook.update(view, &thought);
+        }
         let (here, mut tried) = (view.pose().node, BTreeSet::new());
         loop {
-            let path = self.find_path(view, &thought, &tried, rng);
+            let path = match self.config.goals {
+                Goals::Surroundings => self.look_around(view, &thought, rng),
+                _ => self.find_path(view, &thought, &tried, rng),
+            };
             match path.first().map(|pose| pose.node) {
                 Some(first) if first != here && !self.is_open_at_a_look(here, first) => {
                     tried.extend(path.last().map(|goal| goal.node));
@@ -165,6 +176,23 @@ impl Nbp {
                 _ => return Ok(Plan { made_at: view.step(), path, thought: Some(thought) }),
             }
         }
+    }
+
+    /// The path to where looking around promises most; empty where there is nothing left to look at.
+    fn look_around(&self, view: &MapView<'_>, thought: &Thought, rng: &mut Rng) -> Vec<LatticePose> {
+        let price = |a, b| self.price(view, thought, a, b);
+        let sure = |a, b| price(a, b).filter(|&price| price < DOUBTFUL_PRICE);
+        let path_at = |prices: &mut PriceList<'_>| self.outlook.path(view, prices, self.config.discount);
+        let mut path = path_at(&mut PriceList::new(view.lattice(), sure));
+        if path.is_empty() {
+            path = path_at(&mut PriceList::new(view.lattice(), price));
+        }
+        for pose in &mut path {
+            if self.config.random_heading > 0.0 && rng.random::<f32>() < self.config.random_heading {
+                pose.heading = Heading::new(rng.random_range(0..HEADINGS));
+            }
+        }
+        path
     }
 
     /// The path to the best goal that was not tried yet; empty where there is none.
@@ -195,7 +223,7 @@ impl Nbp {
             }
             path.push(match self.config.goals {
                 Goals::Poses => goal.pose,
-                Goals::Positions => {
+                Goals::Positions | Goals::Surroundings => {
                     LatticePose { heading: self.heading_at(goal.pose.node, view, &value, rng), ..goal.pose }
                 }
             });
@@ -225,7 +253,7 @@ impl Nbp {
                 .filter_map(worth)
                 .collect(),
             Goals::Positions if node == here.node => Vec::new(),
-            Goals::Positions => {
+            Goals::Positions | Goals::Surroundings => {
                 poses.filter_map(worth).reduce(|a, b| if b.value > a.value { b } else { a }).into_iter().collect()
             }
         }
@@ -248,7 +276,7 @@ impl Nbp {
             all.iter().copied().filter(|c| !self.config.skip_visited || view.visits(c.pose) == 0).collect();
         let rule = match self.config.goals {
             Goals::Poses => self.config.goal,
-            Goals::Positions => GoalRule::Greedy,
+            Goals::Positions | Goals::Surroundings => GoalRule::Greedy,
         };
         let chosen = rule.choose(if fresh.is_empty() { &all } else { &fresh }, rng);
         chosen.map_or(view.pose().heading, |c| c.pose.heading)
@@ -262,7 +290,7 @@ impl Policy for Nbp {
 
     fn begin(&mut self) {
         (self.plan, self.next) = (None, 0);
-        (self.closed, self.refused, self.projection) = Default::default();
+        (self.closed, self.refused, self.projection, self.outlook) = Default::default();
     }
 
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
