@@ -16,7 +16,7 @@ pub struct ValueLabel {
     pub row: usize,
     /// Cell of the value map.
     pub col: usize,
-    /// Percent points of the ground-truth surface; of looks, its square metres.
+    /// Percent points of the ground-truth surface; of looks, ares of it.
     pub gain: f32,
 }
 
@@ -31,6 +31,8 @@ pub struct Waypoint {
     pub step: usize,
     /// Covered points after its frame.
     pub covered: usize,
+    /// Covered points before its frame.
+    pub covered_before: usize,
 }
 
 /// One training sample.
@@ -78,7 +80,7 @@ pub fn value_labels(
         LabelKind::Looks => false,
     };
     let covered = |j: usize| match kind {
-        LabelKind::AsReleased => path[j.saturating_sub(1)].covered,
+        LabelKind::AsReleased => path[j].covered_before,
         _ => path[j].covered,
     };
     (i + 1..path.len())
@@ -92,12 +94,12 @@ pub fn value_labels(
         .collect()
 }
 
-/// What a look from every lattice pose that a window shows would add to `covered`, square metres of surface; nothing where
+/// What a look from every lattice pose that a window shows would add to `covered`, in ares (100 m²) of surface; nothing where
 /// nobody can stand. The gain of a next best view, for all poses at once: a step gives thousands of labels, where a walked
 /// path gives as many as it has poses.
 pub fn look_labels(world: &World, covered: &PointSet, window: &Window) -> Vec<ValueLabel> {
     let (scene, glimpses) = (world.scene(), world.glimpses());
-    let (lattice, per_point) = (scene.lattice(), world.area() / world.surface().len().max(1) as f32);
+    let (lattice, per_point) = (scene.lattice(), 0.01 * world.area() / world.surface().len().max(1) as f32);
     let nodes = (0..lattice.len()).map(|index| lattice.node(index));
     let cells = nodes.filter_map(|node| Some((node, window.value_cell(lattice.position(node))?)));
     cells
@@ -127,7 +129,8 @@ mod tests {
                 let pose = LatticePose { node: Node { i: 2, k: n }, heading: Heading::new(n as usize) };
                 let window = size.around(lattice.position(pose.node));
                 let input = EncoderInput { window, channels: 1, counts: vec![0; 64 * 64] };
-                Waypoint { pose, input, step: n as usize, covered: 10 * (n * n) as usize }
+                let covered = |n: i32| if n < 0 { 0 } else { 10 * (n * n + 1) as usize };
+                Waypoint { pose, input, step: n as usize, covered: covered(n), covered_before: covered(n - 1) }
             })
             .collect();
         let labels: Vec<_> = (0..4).map(|i| value_labels(&path, i, LabelKind::SubPaths, &lattice, 1000)).collect();
@@ -140,7 +143,7 @@ mod tests {
         let of = |kind, i| value_labels(&path, i, kind, &lattice, 1000);
         assert_eq!(of(LabelKind::Goals, 0), [goal]);
         let released = of(LabelKind::AsReleased, 0);
-        assert_eq!(released.iter().map(|label| label.gain).collect::<Vec<_>>(), [0.0, 1.0], "one frame behind");
+        assert_eq!(released.iter().map(|label| label.gain).collect::<Vec<_>>(), [1.0, 2.0], "one frame behind");
         assert!(of(LabelKind::AsReleased, 2).is_empty() && of(LabelKind::Goals, 3).is_empty());
     }
 }

@@ -41,36 +41,47 @@ pub struct Difference {
     pub mean: f64,
     /// Interval in which 95 % of the means of resamples lie.
     pub interval: [f64; 2],
-    /// Two-sided: twice the share of resamples whose mean lies on the other side of 0, or on it; but at least the chance that
-    /// as many coins show the same side.
+    /// Share of the ways to choose the signs of the differences that give a mean as far from 0, two-sided.
     pub p: f64,
 }
 
-/// Paired bootstrap: `differences` has one number for each pair (of scenes, say), and resamples of [`RESAMPLES`] draw as many
-/// of them with replacement. `None` for fewer than two pairs, of which nothing can be said.
+/// Up to so many pairs, `p` counts all choices of signs; beyond, [`RESAMPLES`] at random.
+const ALL_SIGNS: usize = 13;
+
+/// What `differences`, one number for each pair (of scenes, say), tell of chance; `None` for fewer than two, of which nothing
+/// can be said.
 ///
-/// With few pairs the interval is too narrow, since resamples know no other values than these; that is why `p` has a lower
-/// end, 2 / 2ⁿ for n pairs.
-pub fn paired_bootstrap(differences: &[f64], seed: SeedTree) -> Option<Difference> {
+/// The interval is a paired bootstrap's: resamples draw as many differences with replacement. With few pairs it is too
+/// narrow, since resamples know no other values than these: of 6 normal differences it holds the true mean in 85 % of cases.
+/// So `p` is not read off it, but off the signs (Fisher's randomisation test), exact however few the pairs: at best 2 / 2ⁿ.
+pub fn paired_difference(differences: &[f64], seed: SeedTree) -> Option<Difference> {
     let count = differences.len();
     if count < 2 {
         return None;
     }
+    let mean = |sum: f64| sum / count as f64;
     let mut rng = seed.child("bootstrap", 0).rng();
-    let mut draw = || (0..count).map(|_| differences[rng.random_range(0..count)]).sum::<f64>() / count as f64;
+    let mut draw = || mean((0..count).map(|_| differences[rng.random_range(0..count)]).sum::<f64>());
     let mut means: Vec<f64> = (0..RESAMPLES).map(|_| draw()).collect();
     means.sort_by(f64::total_cmp);
-    let share = |is_beyond: fn(f64) -> bool| {
-        (1 + means.iter().filter(|&&mean| is_beyond(mean)).count()) as f64 / (RESAMPLES + 1) as f64
-    };
     let quantile = |q: f64| means[(q * (RESAMPLES - 1) as f64).round() as usize];
-    Some(Difference {
-        mean: differences.iter().sum::<f64>() / count as f64,
-        interval: [quantile(0.025), quantile(0.975)],
-        p: (2.0 * share(|mean| mean <= 0.0).min(share(|mean| mean >= 0.0)))
-            .max(0.5_f64.powi(count.min(1000) as i32 - 1))
-            .min(1.0),
-    })
+    let found = differences.iter().sum::<f64>();
+    // Sums in another order round otherwise.
+    let is_as_far = |sum: f64| sum.abs() >= found.abs() * (1.0 - 1e-9);
+    let signed = |is_minus: &mut dyn FnMut(usize) -> bool| {
+        let terms =
+            differences.iter().enumerate().map(|(n, &difference)| if is_minus(n) { -difference } else { difference });
+        is_as_far(terms.sum())
+    };
+    let p = if count <= ALL_SIGNS {
+        let all = 1_u32 << count;
+        (0..all).filter(|signs| signed(&mut |n| signs >> n & 1 == 1)).count() as f64 / f64::from(all)
+    } else {
+        let mut rng = seed.child("signs", 0).rng();
+        let far = (0..RESAMPLES).filter(|_| signed(&mut |_| rng.random())).count();
+        (1 + far) as f64 / (RESAMPLES + 1) as f64
+    };
+    Some(Difference { mean: mean(found), interval: [quantile(0.025), quantile(0.975)], p })
 }
 
 #[cfg(test)]
@@ -93,8 +104,8 @@ mod tests {
     }
 
     #[test]
-    fn a_bootstrap_tells_differences_from_chance() {
-        let of = |differences: &[f64]| paired_bootstrap(differences, SeedTree::new(3));
+    fn differences_are_told_from_chance() {
+        let of = |differences: &[f64]| paired_difference(differences, SeedTree::new(3));
         let clear_ones = [0.1, 0.12, 0.08, 0.11, 0.09];
         let clear = of(&clear_ones).unwrap();
         assert!((clear.mean - 0.1).abs() < 1e-12 && clear.p == 1.0 / 16.0, "{clear:?}");

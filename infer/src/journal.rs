@@ -15,6 +15,9 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Raised with every change of what episodes give, so that nothing that an older program computed is taken over.
+pub const BEHAVIOUR: u32 = 2;
+
 /// Name of the file in an evaluation's folder.
 pub const FILE: &str = "journal.jsonl";
 
@@ -39,7 +42,7 @@ impl Fingerprints {
     pub fn new(worlds: &[Arc<World>], settings: &Settings, config: &EvalConfig, weights: Option<&[u8]>) -> Self {
         let scenes = worlds.iter().map(|world| (world.scene().name().to_owned(), of_scene(world.scene()))).collect();
         // Debug forms of plain settings: every field enters, and there is no number that it cannot write.
-        let blind = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), settings.sim, config.steps);
+        let blind = format!("{} {BEHAVIOUR} {:?} {}", env!("CARGO_PKG_VERSION"), settings.sim, config.steps);
         // The time of decisions depends on how many are made together; one by one is not named, as it once was the only way.
         let together = if config.batch > 1 { format!(" {}", config.batch) } else { String::new() };
         let network = format!("{blind} {:?} {:016x}{together}", settings.policy, weights.map_or(0, hash));
@@ -52,8 +55,9 @@ impl Fingerprints {
         let settings = match kind {
             PolicyKind::OracleBeam => &self.search,
             PolicyKind::Scone | PolicyKind::Macarons => &self.nbv,
-            kind if kind.needs_network() => &self.network,
-            _ => &self.blind,
+            PolicyKind::Nbp | PolicyKind::OracleObstacles => &self.network,
+            PolicyKind::Random | PolicyKind::RandomNbv | PolicyKind::OracleGreedy => &self.blind,
+            PolicyKind::Fbe | PolicyKind::FbeGain | PolicyKind::FbeTsp => &self.blind,
         };
         let scene = self.scenes.get(&record.scene)?;
         Some(format!("{:016x}", hash(format!("{scene:016x} {settings}").as_bytes())))

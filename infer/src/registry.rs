@@ -26,7 +26,7 @@ pub enum PolicyKind {
     Fbe,
     /// The frontier with the most cells for its way.
     FbeGain,
-    /// A tour of all frontiers.
+    /// The first frontier of a tour that finds much early.
     FbeTsp,
     /// The next best view, by networks that learnt from the truth.
     Scone,
@@ -36,9 +36,9 @@ pub enum PolicyKind {
     Nbp,
     /// The network's value map on the true obstacle map (paper, Table 4).
     OracleObstacles,
-    /// The best next step on the true gains.
+    /// One step ahead on the true gains, and the best place for what comes after.
     OracleGreedy,
-    /// Ten steps ahead on the true gains.
+    /// The same, ten steps ahead.
     OracleBeam,
 }
 
@@ -156,6 +156,11 @@ impl PolicyKind {
     /// Whether it asks a network.
     pub fn needs_network(self) -> bool {
         self.architecture().is_some()
+    }
+
+    /// Whether it is told of the true map.
+    pub fn knows_map(self) -> bool {
+        matches!(self, Self::OracleObstacles | Self::OracleGreedy | Self::OracleBeam)
     }
 
     /// The architecture of the checkpoint that it needs, if any.

@@ -136,6 +136,7 @@ fn waypoint(episode: &Episode) -> Waypoint {
         input: episode.encode(),
         step: episode.steps(),
         covered: episode.covered().last().copied().unwrap_or_default(),
+        covered_before: episode.covered().iter().rev().nth(1).copied().unwrap_or_default(),
     }
 }
 

@@ -134,7 +134,5 @@ mod tests {
         // A pixel shows the surface at its middle: at edges and at grazing angles a point may fall to the other side.
         assert!(wrong < 60, "{wrong}");
         assert!(carved > 800, "{carved}");
-        let published = field.sights().iter().filter(|sight| sight.is_in_field()).count();
-        assert!(published < 3000);
     }
 }

@@ -159,7 +159,14 @@ fn taught_by_truth(
                         let sight = &pool.sights()[point as usize];
                         sight.is_in_field() && sight.is_solid()
                     };
-                    choose(&belief, &pool, of_half.filter(is_open).collect(), collect.queries / 2, reach, &mut rng)
+                    choose(
+                        &belief,
+                        &pool,
+                        of_half.filter(is_open).collect(),
+                        collect.queries.div_ceil(2),
+                        reach,
+                        &mut rng,
+                    )
                 })
                 .collect();
             let questions = belief.questions(&pool, &asked, &eye, &mut rng);

@@ -194,7 +194,6 @@ impl BenchConfig {
             all.extend(text.as_ref().parse::<toml::Table>()?);
         }
         let config: Self = all.try_into()?;
-        config.check()?;
         let rows: BTreeSet<&str> = config.policies.iter().map(|row| row.name.as_str()).collect();
         for set in &config.data {
             if let Some(row) = set.paper.keys().find(|row| !rows.contains(row.as_str())) {
@@ -417,7 +416,9 @@ mod tests {
 
     #[test]
     fn what_makes_no_bench_is_refused_by_name() {
-        let parse = |from: &str, to: &str| BenchConfig::parse(&[SMALL.replace(from, to)]).unwrap_err().to_string();
+        let resolve = |text: &str, choices: &Choices| BenchConfig::parse(&[text])?.choose(choices);
+        let parse =
+            |from: &str, to: &str| resolve(&SMALL.replace(from, to), &Choices::default()).unwrap_err().to_string();
         assert!(parse("seeds = 5", "seed = 5").contains("unknown field `seed`"));
         assert!(parse("policy = 'random'", "").contains("row chance: no policy is called `chance`"));
         assert!(
@@ -433,7 +434,20 @@ mod tests {
         assert!(
             parse("steps = 10", "steps = 10\npaper.nbpp = { coverage = 1, auc = 1 }").contains("nbpp, which is no row")
         );
-        assert!(BenchConfig::parse(&[""]).unwrap_err().to_string().contains("at least one [[data]]"));
+        assert!(resolve("", &Choices::default()).unwrap_err().to_string().contains("at least one [[data]]"));
+        // What a message advises to say on the command line helps.
+        for (from, to, choices) in [
+            (
+                "reference = 'fbe'",
+                "reference = 'fb'",
+                Choices { reference: Some("chance".into()), ..Choices::default() },
+            ),
+            ("steps = 10", "", Choices { steps: vec![(Some("simple".into()), 7)], ..Choices::default() }),
+            ("generate", "#", Choices { data: vec![("simple".into(), vec!["/a".into()])], ..Choices::default() }),
+        ] {
+            let text = SMALL.replacen(from, to, 1);
+            assert!(resolve(&text, &Choices::default()).is_err() && resolve(&text, &choices).is_ok(), "{from}");
+        }
         let choose = |choices: Choices| small().choose(&choices).unwrap_err().to_string();
         let rows = || Choices { policies: vec!["fbi".into()], ..Choices::default() };
         assert!(choose(rows()).contains("no row is called fbi, only fbe, chance, nbp, nbp-mine"));

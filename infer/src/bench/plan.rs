@@ -2,7 +2,7 @@
 
 use super::store::{BenchError, FileKey, Found, Manifest, Published, RowInfo, ScenePlan, SetPlan};
 use crate::checkpoint::{Settings, plain};
-use crate::journal::{hash, of_scene};
+use crate::journal::{BEHAVIOUR, hash, of_scene};
 use crate::registry::PolicyKind;
 use nbp_env::encode::EncodeConfig;
 use nbp_env::{Scene, SimConfig};
@@ -145,7 +145,7 @@ impl Manifest {
     /// When rows are not comparable, or there is nothing to compare them on.
     pub fn new(terms: &Terms, rows: &[Row], sets: &[DataSet]) -> Result<Self, PlanError> {
         check_equal_terms(rows)?;
-        let version = env!("CARGO_PKG_VERSION").to_owned();
+        let version = format!("{}.{BEHAVIOUR}", env!("CARGO_PKG_VERSION"));
         let print = |text: String| format!("{:016x}", hash(text.as_bytes()));
         let infos = rows.iter().map(|row| {
             Ok(RowInfo {

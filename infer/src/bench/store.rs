@@ -54,6 +54,13 @@ pub struct RowInfo {
     pub settings: serde_json::Value,
 }
 
+impl RowInfo {
+    /// Whether it looks at the true map, or at its mesh before a move.
+    pub fn knows_map(&self) -> bool {
+        self.policy.knows_map() || self.policy == PolicyKind::Nbp && self.settings["policy"]["oracle_edges"] == true
+    }
+}
+
 /// A data set of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

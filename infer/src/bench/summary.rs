@@ -3,7 +3,7 @@
 use super::store::{BenchResult, Manifest, Published, SetResult};
 use crate::rollout::EpisodeRecord;
 use nbp_env::SeedTree;
-use nbp_env::metrics::{Difference, mean_std, paired_bootstrap};
+use nbp_env::metrics::{Difference, mean_std, paired_difference};
 use serde::{Deserialize, Serialize};
 
 /// Mean and sample standard deviation over episodes.
@@ -40,6 +40,8 @@ pub struct RowSummary {
     pub row: String,
     /// Kind of policy.
     pub policy: String,
+    /// Whether it looks at the true map, or at its mesh before a move, and so does not compete with the others.
+    pub knows_map: bool,
     /// Number of episodes.
     pub episodes: usize,
     /// Covered share at the end, 0 to 1.
@@ -126,11 +128,12 @@ fn row(about: &Manifest, set: &SetResult, index: usize) -> RowSummary {
         };
         let of_scene = |scene: &str| mean(scene, &info.name) - mean(scene, &about.reference);
         let all: Vec<f64> = set.scenes.iter().map(|scene| of_scene(&scene.name)).collect();
-        if info.name == about.reference { None } else { paired_bootstrap(&all, seed) }
+        if info.name == about.reference { None } else { paired_difference(&all, seed) }
     };
     RowSummary {
         row: info.name.clone(),
         policy: info.policy.name().to_owned(),
+        knows_map: info.knows_map(),
         episodes: episodes.len(),
         coverage: over(&|r| r.final_coverage),
         auc: over(&|r| r.auc),

@@ -17,7 +17,7 @@ use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
 use nbp_infer::{Settings, checkpoint, report, source};
 use nbp_model::DeviceChoice;
-use nbp_model::weights::WEIGHTS_FILE;
+use nbp_model::weights::{CONFIG_FILE, WEIGHTS_FILE};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -35,10 +35,10 @@ Examples:
   infer bench --merge --out out/bench
 
 OUT/cells has one file for each row in each scene of each data set, written as its last episode ends. The same command goes on
-where it stopped: what was computed with other settings, scenes, weights or programs is computed again, and so is what is
-damaged. Shards may run at the same time, on one machine or on several that share OUT. Whoever computes the last cell writes
-report.html, summary.md, summary.json, episodes.csv, curves.csv and figures (SVG), whose bytes are the same in every order, and
-timing.csv. Times of decisions are what a clock says: measure them with --threads 1 on a machine that does nothing else.";
+where it stopped; what is damaged is computed again, and what was computed with other settings, scenes, networks or programs is
+too if --replace says so. Shards may run at the same time, on one machine or on several that share OUT. Whoever computes the
+last cell writes report.html, summary.md, summary.json, episodes.csv, curves.csv and figures (SVG), whose bytes are the same in
+every order, and timing.csv. Times of decisions are what a clock says: measure them with --threads 1 on a machine that does nothing else.";
 
 /// Options of `infer bench`.
 #[derive(clap::Args)]
@@ -86,6 +86,9 @@ pub(super) struct Args {
     /// Compute nothing: write the tables of what all shards have computed
     #[arg(long)]
     merge: bool,
+    /// Compute again what OUT has of other settings, scenes, networks or programs
+    #[arg(long)]
+    replace: bool,
 }
 
 /// One part of the work, from 0.
@@ -149,6 +152,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         released: config.released,
     };
     let manifest = Manifest::new(&terms, &rows, &sets)?;
+    if !args.merge && !args.replace {
+        refuse_to_replace(&out, &manifest)?;
+    }
     settle(&out, &manifest, args.merge, talk)?;
     if args.merge {
         return publish(&out, talk);
@@ -204,8 +210,10 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
             let architecture = kind.architecture().unwrap_or_default();
             let found = checkpoint::read_as(architecture, path);
             let (maps, trained_with) = found.context("cannot use the checkpoint")?;
-            let file = checkpoint::folder(path)?.join(WEIGHTS_FILE);
-            weights.extend(std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?);
+            for name in [WEIGHTS_FILE, CONFIG_FILE] {
+                let file = checkpoint::folder(path)?.join(name);
+                weights.extend(std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?);
+            }
             trained.extend(maps);
             if number == 0 {
                 settings = trained_with;
@@ -256,6 +264,19 @@ fn scenes(origin: &Origin, on_scene: impl Fn() + Sync) -> Result<Vec<Scene>> {
             Ok(scene)
         }),
     }
+}
+
+/// What was computed otherwise may be wanted, and took its time.
+fn refuse_to_replace(out: &Output, manifest: &Manifest) -> Result<()> {
+    let other = plan::survey(out.folder(), manifest, &manifest.files())?.other;
+    let Some(first) = other.first() else { return Ok(()) };
+    bail!(
+        "{} has {} files of other settings, scenes, networks or programs, {} for one: name another folder, or have them computed \
+         again (--replace)",
+        out.folder().display(),
+        other.len(),
+        first.display()
+    )
 }
 
 /// Leaves `bench.json`, unless the folder has a bench that this one would make smaller.

@@ -19,7 +19,7 @@ pub(super) fn figures(result: &BenchResult, summaries: &[SetSummary]) -> Vec<(St
         let title = format!("Coverage on {}, mean of {} scenes", set.name, set.scenes.len());
         files.push((coverage, plot::coverage(&title, &series(set, &rows))));
         let reference = &result.about.reference;
-        let competitors = summary.rows.iter().filter(|row| !super::tables::is_bound(row) && row.row != *reference);
+        let competitors = summary.rows.iter().filter(|row| !row.knows_map && row.row != *reference);
         let best = competitors.max_by(|a, b| a.coverage.mean.total_cmp(&b.coverage.mean));
         let best = best.map_or(reference, |row| &row.row);
         files.push((scatter, plot::scatter(&set.name, [reference, best], &points(set, [reference, best]))));

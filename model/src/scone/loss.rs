@@ -11,7 +11,7 @@ pub fn occupancy(found_q: Tensor<1>, wanted_q: Tensor<1>) -> Tensor<1> {
 }
 
 /// Uncentred L1: `mean |ĝ / mean ĝ − g / mean g|` over the candidates of one decision, then the mean over decisions. Where
-/// nothing is to be gained, or nothing was found, a decision says nothing and is left out; `None` if all are.
+/// nothing is to be gained, a decision says nothing and is left out; `None` if all are.
 ///
 /// `decisions` are numbers of candidates, in the order of `found_b` and `wanted`.
 ///
