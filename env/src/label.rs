@@ -116,7 +116,10 @@ pub fn look_labels(world: &World, covered: &PointSet, window: &Window) -> Vec<Va
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::SimConfig;
     use crate::pose::Node;
+    use crate::scene::Scene;
+    use crate::sensor::Camera;
     use crate::window::WindowSize;
     use glam::Vec3;
 
@@ -145,5 +148,33 @@ mod tests {
         let released = of(LabelKind::AsReleased, 0);
         assert_eq!(released.iter().map(|label| label.gain).collect::<Vec<_>>(), [1.0, 2.0], "one frame behind");
         assert!(of(LabelKind::AsReleased, 2).is_empty() && of(LabelKind::Goals, 3).is_empty());
+    }
+
+    #[test]
+    fn looks_from_everywhere_tell_what_is_left() {
+        let camera = Camera { width: 112, height: 64, ..Camera::default() };
+        let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() }).unwrap();
+        let (lattice, glimpses) = (*world.scene().lattice(), world.glimpses());
+        let window = WindowSize { pixels: 64, metres: 40.0 }.around(lattice.position(Node { i: 1, k: 1 }));
+        let mut covered = glimpses.nothing();
+        let free = world.scene().graph().largest_component();
+        let pose = LatticePose { node: free[0], heading: Heading::new(1) };
+        let gain = glimpses.cover(pose, &mut covered.clone());
+        let of_pose = |labels: &[ValueLabel]| {
+            let (row, col) = window.value_cell(lattice.position(pose.node)).unwrap();
+            let is_meant = |label: &&ValueLabel| (label.row, label.col, label.heading) == (row, col, pose.heading);
+            labels.iter().find(is_meant).unwrap().gain
+        };
+        let labels = look_labels(&world, &covered, &window);
+        assert_eq!(labels.len(), 8 * lattice.len(), "the window shows both rooms");
+        assert!((of_pose(&labels) - 0.01 * world.area() * gain as f32 / world.surface().len() as f32).abs() < 1e-6);
+        let found = |labels: &[ValueLabel]| labels.iter().filter(|label| label.gain > 0.0).count();
+        assert!(found(&labels) > 6 * free.len() && found(&labels) <= 8 * free.len(), "{}", found(&labels));
+        glimpses.cover(pose, &mut covered);
+        assert_eq!(of_pose(&look_labels(&world, &covered, &window)), 0.0);
+        for pose in free.iter().flat_map(|&node| Heading::all().map(move |heading| LatticePose { node, heading })) {
+            glimpses.cover(pose, &mut covered);
+        }
+        assert_eq!(found(&look_labels(&world, &covered, &window)), 0);
     }
 }

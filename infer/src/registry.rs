@@ -4,7 +4,7 @@ use crate::checkpoint::Settings;
 use nbp_env::nbv::{NbvConfig, NbvPredictor};
 use nbp_env::policy::fbe::{self, Fbe};
 use nbp_env::policy::nbp::{Nbp, NbpConfig, Passability};
-use nbp_env::policy::oracle::OracleObstacles;
+use nbp_env::policy::oracle::{OracleLooks, OracleObstacles};
 use nbp_env::policy::scone::Scone;
 use nbp_env::policy::search::{OracleSearch, SearchConfig, SearchConfigError};
 use nbp_env::policy::{Plan, PolicyError, random::Random, random_nbv::RandomNbv};
@@ -36,6 +36,8 @@ pub enum PolicyKind {
     Nbp,
     /// The network's value map on the true obstacle map (paper, Table 4).
     OracleObstacles,
+    /// The true gains of looks, on the network's obstacle map.
+    OracleLooks,
     /// One step ahead on the true gains, and the best place for what comes after.
     OracleGreedy,
     /// The same, ten steps ahead.
@@ -117,7 +119,7 @@ pub enum RegistryError {
 
 impl PolicyKind {
     /// All policies, baselines first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Random,
         Self::RandomNbv,
         Self::Fbe,
@@ -127,6 +129,7 @@ impl PolicyKind {
         Self::Macarons,
         Self::Nbp,
         Self::OracleObstacles,
+        Self::OracleLooks,
         Self::OracleGreedy,
         Self::OracleBeam,
     ];
@@ -143,6 +146,7 @@ impl PolicyKind {
             Self::Macarons => "macarons",
             Self::Nbp => "nbp",
             Self::OracleObstacles => "oracle-obstacles",
+            Self::OracleLooks => "oracle-looks",
             Self::OracleGreedy => "oracle-greedy",
             Self::OracleBeam => "oracle-beam",
         }
@@ -160,13 +164,13 @@ impl PolicyKind {
 
     /// Whether it is told of the true map.
     pub fn knows_map(self) -> bool {
-        matches!(self, Self::OracleObstacles | Self::OracleGreedy | Self::OracleBeam)
+        matches!(self, Self::OracleObstacles | Self::OracleLooks | Self::OracleGreedy | Self::OracleBeam)
     }
 
     /// The architecture of the checkpoint that it needs, if any.
     pub fn architecture(self) -> Option<&'static str> {
         match self {
-            Self::Nbp | Self::OracleObstacles => Some("nbp"),
+            Self::Nbp | Self::OracleObstacles | Self::OracleLooks => Some("nbp"),
             Self::Scone => Some("scone"),
             Self::Macarons => Some("macarons"),
             _ => None,
@@ -217,6 +221,7 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
             context.search.validate()?;
             Box::new(OracleSearch::beam(Arc::clone(world), context.search))
         }
+        PolicyKind::OracleLooks => Box::new(OracleLooks::new(network()?, Arc::clone(world), nbp)),
         PolicyKind::OracleObstacles => {
             let oracle = OracleObstacles::new(network()?, Arc::clone(world));
             Box::new(Named { kind, inner: nbp(Arc::new(oracle)) })

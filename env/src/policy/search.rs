@@ -5,9 +5,9 @@
 //! promise: what looking around from the best node of the map would add, discounted by the walk to it. So a bound neither nibbles
 //! at what is next to it nor stands still where the search sees nothing.
 
+use super::oracle::Hindsight;
 use super::promise::{DISCOUNT, Promises};
 use super::{Plan, Policy, PolicyError, action_towards};
-use crate::coverage::Coverage;
 use crate::episode::Action;
 use crate::map::MapView;
 use crate::path::ShortestPaths;
@@ -15,7 +15,6 @@ use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
 use crate::visibility::PointSet;
 use crate::world::World;
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -70,8 +69,7 @@ pub struct OracleSearch {
     world: Arc<World>,
     config: SearchConfig,
     /// What the episode has really covered, frames between nodes included.
-    coverage: Coverage,
-    frames: usize,
+    hindsight: Hindsight,
     /// Poses within reach that may still add something.
     open: Option<Vec<LatticePose>>,
     plan: Option<Plan>,
@@ -108,16 +106,13 @@ impl OracleSearch {
     }
 
     fn new(name: &'static str, world: Arc<World>, config: SearchConfig) -> Self {
-        let coverage = Coverage::new(world.surface());
-        Self { name, world, config, coverage, frames: 0, open: None, plan: None }
+        let hindsight = Hindsight::new(&world);
+        Self { name, world, config, hindsight, open: None, plan: None }
     }
 
     /// Takes in what was covered since the last time, and returns all of it.
     fn look_back(&mut self, view: &MapView<'_>) -> PointSet {
-        let fresh: Vec<Vec3> = view.cloud().of_frames(self.frames).collect();
-        self.coverage.add(self.world.surface(), &fresh, 0);
-        self.frames = view.cloud().frames();
-        let covered = self.world.glimpses().covered_by(&self.coverage);
+        let covered = self.hindsight.look_back(&self.world, view);
         let open = match self.open.take() {
             Some(open) => open,
             None => self.poses_within_reach(view.pose().node),
@@ -209,7 +204,7 @@ impl Policy for OracleSearch {
     }
 
     fn begin(&mut self) {
-        (self.coverage, self.frames) = (Coverage::new(self.world.surface()), 0);
+        self.hindsight = Hindsight::new(&self.world);
         (self.open, self.plan) = (None, None);
     }
 

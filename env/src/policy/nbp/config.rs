@@ -15,6 +15,8 @@ pub struct NbpConfig {
     pub replan: Replan,
     /// With `goals = "surroundings"`: what a gain one step later is worth, below 1.
     pub discount: f32,
+    /// With `goals = "surroundings"`: a look counts only if rays of it meet cells that nothing is known of, as a frontier's does.
+    pub unseen_only: bool,
     /// Probability from which a pixel is an obstacle (paper: not given; released code: 0.13).
     pub obstacle_threshold: f32,
     /// Obstacle pixels on a move's segment from which it is blocked (released code: 2 at 256 pixels).
@@ -63,7 +65,8 @@ pub enum Goals {
     /// that are not visited, whatever the rule for goals (released code).
     Positions,
     /// Every position, by what looking around from it promises, the less the longer the way: a receding horizon (Bircher et
-    /// al., ICRA 2016). Wants a network that learnt from `collect.labels = "looks"`, whose values are not those of ways.
+    /// al., ICRA 2016). Wants a network that learnt from `collect.labels = "looks"`, whose values are not those of ways, and
+    /// `replan = "every-step"`, since each look changes what the next is worth.
     Surroundings,
 }
 
@@ -74,6 +77,7 @@ impl Default for NbpConfig {
             goals: Goals::Poses,
             replan: Replan::OnArrival,
             discount: 0.96,
+            unseen_only: false,
             obstacle_threshold: 0.5,
             blocking_pixels: 2,
             fuse_observed: false,

@@ -3,14 +3,27 @@
 //! Answers outlive their window: a room that was left behind is still known to be worth a visit.
 
 use super::Thought;
-use crate::map::MapView;
+use crate::map::grid::cells_between;
+use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
 use crate::path::{PriceList, ShortestPaths};
 use crate::pose::{HEADINGS, Heading, LatticePose, Node};
+use glam::Vec3;
+
+/// How far rays look for cells that nothing is known of, metres.
+const REACH: f32 = 10.0;
+
+/// Rays from each position, three for each turn of an eighth.
+const RAYS: usize = 3 * HEADINGS;
+
+/// Unknown cells that the seven rays of a view must meet: where points are few, walls have holes.
+const ENOUGH_CELLS: usize = 8;
 
 /// What the network last promised for a look from each lattice pose, by node; nothing where it was not asked.
 #[derive(Default)]
 pub(super) struct Outlook {
     gains: Vec<[f32; HEADINGS]>,
+    /// Looks that meet nothing unknown, in the decision at hand.
+    spent: Vec<[bool; HEADINGS]>,
 }
 
 /// A pose one step away, what is found there and what is promised after it.
@@ -34,6 +47,17 @@ impl Outlook {
                 }
             }
         }
+    }
+
+    /// Leaves out looks that meet nothing unknown.
+    pub(super) fn leave_out_seen(&mut self, view: &MapView<'_>) {
+        let lattice = view.lattice();
+        self.spent.clear();
+        let spent = self.gains.iter().enumerate().map(|(index, gains)| match gains.iter().any(|&gain| gain > 0.0) {
+            true => meets_unknown(view, lattice.node(index)).map(|cells| cells < ENOUGH_CELLS),
+            false => [true; HEADINGS],
+        });
+        self.spent.extend(spent);
     }
 
     /// The path to where the best next step leads on; empty if there is none.
@@ -75,8 +99,10 @@ impl Outlook {
 
     /// What a look promises; nothing from where the agent has looked.
     fn gain(&self, view: &MapView<'_>, pose: LatticePose) -> f32 {
-        let of_node = view.lattice().index(pose.node).and_then(|index| self.gains.get(index));
-        if view.visits(pose) > 0 { 0.0 } else { of_node.map_or(0.0, |gains| gains[pose.heading.index()]) }
+        let (index, heading) = (view.lattice().index(pose.node), pose.heading.index());
+        let gain = || self.gains.get(index?).map(|gains| gains[heading]);
+        let is_spent = || index.and_then(|index| self.spent.get(index)).is_some_and(|spent| spent[heading]);
+        if view.visits(pose) > 0 || is_spent() { 0.0 } else { gain().unwrap_or(0.0) }
     }
 
     /// The best of the headings that were not tried yet, or the agent's own.
@@ -90,4 +116,23 @@ impl Outlook {
     fn around(&self, view: &MapView<'_>, node: Node) -> f32 {
         Heading::all().map(|heading| self.gain(view, LatticePose { node, heading })).sum::<f32>() / 2.0
     }
+}
+
+/// How many cells that nothing is known of each view from a position meets, the nearest few of each ray.
+fn meets_unknown(view: &MapView<'_>, node: Node) -> [usize; HEADINGS] {
+    const MOST: usize = 4;
+    let (eye, grid) = (view.lattice().position(node), view.occupancy());
+    if grid.get(OccupancyGrid::cell_of(eye)) == Cell::Occupied {
+        return [0; HEADINGS];
+    }
+    let rays: [usize; RAYS] = std::array::from_fn(|ray| {
+        let azimuth = ray as f32 * std::f32::consts::TAU / RAYS as f32;
+        let end = eye + REACH * Vec3::new(azimuth.sin(), 0.0, azimuth.cos());
+        let before_wall = cells_between(eye, end, occupancy::CELL)
+            .map(|cell| grid.get(cell))
+            .take_while(|&cell| cell != Cell::Occupied);
+        before_wall.filter(|&cell| cell == Cell::Unknown).take(MOST).count()
+    });
+    // A view of 90° has three rays on each side of its middle.
+    std::array::from_fn(|heading| (0..7).map(|ray| rays[(3 * heading + RAYS + ray - 3) % RAYS]).sum())
 }
