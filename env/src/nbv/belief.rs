@@ -85,8 +85,8 @@ impl Belief {
         self.counts[cell] as usize > self.config.min_points
     }
 
-    /// Probability that a proxy is solid: unknown before it is in view, none once it was seen through or where hardly
-    /// anything is known of the surface, else as answered.
+    /// Probability that a proxy is solid: unknown before it is in view and as long as its turn to be asked has not come, none
+    /// once it was seen through or where hardly anything is known of the surface, else as answered.
     pub fn probability(&self, proxy: usize) -> f32 {
         let sight = &self.proxies.sights()[proxy];
         match self.answers[proxy] {
