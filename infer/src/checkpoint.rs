@@ -15,6 +15,7 @@ use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
 use nbp_model::{CheckpointConfig, DeviceChoice, DeviceError, NetConfig, NetPredictor, device_name};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Key of the simulator's settings in a checkpoint's `meta`.
@@ -186,6 +187,19 @@ pub fn architecture(path: &Path) -> Result<String, CheckpointError> {
     Ok(weights::architecture(&folder(path)?)?)
 }
 
+/// The bytes of a checkpoint's files: what its answers depend on, and the settings that it brings along.
+///
+/// # Errors
+/// When it is no checkpoint or cannot be read.
+pub fn bytes(path: &Path) -> Result<Vec<u8>, CheckpointError> {
+    let dir = folder(path)?;
+    let read = |name: &str| {
+        let path = dir.join(name);
+        fs::read(&path).map_err(|source| WeightsError::Io { what: "read", path, source })
+    };
+    Ok([read(WEIGHTS_FILE)?, read(CONFIG_FILE)?].concat())
+}
+
 fn meta(dir: &Path) -> impl FnOnce((&'static str, String)) -> CheckpointError {
     let path = dir.join(CONFIG_FILE);
     |(key, reason)| CheckpointError::Meta { path, key, reason }
@@ -307,7 +321,6 @@ mod tests {
     use super::*;
     use nbp_env::window::WindowSize;
     use nbp_model::scone::{Scone, SconeConfig};
-    use std::fs;
 
     fn small() -> CheckpointConfig {
         CheckpointConfig::new(NetConfig { base: 2, ..NetConfig::default() }, WindowSize { pixels: 32, metres: 20.0 })

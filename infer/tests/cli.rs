@@ -136,6 +136,24 @@ fn an_evaluation_goes_on_where_it_stopped() {
 }
 
 #[test]
+fn an_evaluation_takes_nothing_over_from_a_network_that_is_described_otherwise() {
+    let dir = tempfile::tempdir().unwrap();
+    write_scenes(dir.path());
+    write_checkpoint(dir.path());
+    let args = "eval --scenes scenes/a --policies nbp --checkpoint net --steps 2 --starts 1 --out eval";
+    let episodes = || {
+        succeeds(dir.path(), args);
+        fs::read_to_string(dir.path().join("eval/journal.jsonl")).unwrap().lines().count()
+    };
+    assert_eq!([episodes(), episodes()], [1, 1]);
+    let config = dir.path().join("net/config.json");
+    let text = fs::read_to_string(&config).unwrap();
+    assert!(text.contains("\"raw\""), "{text}");
+    fs::write(&config, text.replace("\"raw\"", "\"log1p\"")).unwrap();
+    assert_eq!(episodes(), 2);
+}
+
+#[test]
 fn speed_is_one_json_object_of_five_figures() {
     let dir = tempfile::tempdir().unwrap();
     write_scenes(dir.path());

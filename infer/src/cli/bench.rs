@@ -17,7 +17,6 @@ use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
 use nbp_infer::{Settings, checkpoint, report, source};
 use nbp_model::DeviceChoice;
-use nbp_model::weights::{CONFIG_FILE, WEIGHTS_FILE};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -210,10 +209,7 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
             let architecture = kind.architecture().unwrap_or_default();
             let found = checkpoint::read_as(architecture, path);
             let (maps, trained_with) = found.context("cannot use the checkpoint")?;
-            for name in [WEIGHTS_FILE, CONFIG_FILE] {
-                let file = checkpoint::folder(path)?.join(name);
-                weights.extend(std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?);
-            }
+            weights.extend(checkpoint::bytes(path)?);
             trained.extend(maps);
             if number == 0 {
                 settings = trained_with;

@@ -9,7 +9,6 @@ use nbp_env::{Predictor, Scene, World};
 use nbp_infer::registry::Network;
 use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
 use nbp_model::weights::scone::Baseline;
-use nbp_model::weights::{CONFIG_FILE, WEIGHTS_FILE};
 use nbp_model::{CheckpointConfig, DeviceChoice};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -118,18 +117,11 @@ impl Args {
         Ok(found)
     }
 
-    /// Bytes of the weights of all checkpoints, and of what the baselines among them were trained with: the settings of an
-    /// evaluation hold that of one checkpoint only.
+    /// Bytes of all checkpoints: what their networks answer depends on more than weights, and the settings of an evaluation
+    /// hold that of one checkpoint only.
     pub(super) fn weights(&self) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        for path in self.checkpoint.iter().chain(&self.obstacle_checkpoint) {
-            let folder = checkpoint::folder(path)?;
-            bytes.extend(std::fs::read(folder.join(WEIGHTS_FILE))?);
-            if Baseline::named(&checkpoint::architecture(path)?).is_some() {
-                bytes.extend(std::fs::read(folder.join(CONFIG_FILE))?);
-            }
-        }
-        Ok(bytes)
+        let all = self.checkpoint.iter().chain(&self.obstacle_checkpoint).map(|path| Ok(checkpoint::bytes(path)?));
+        Ok(all.collect::<Result<Vec<_>>>()?.concat())
     }
 
     /// What was read and, if one of the policies needs it, the network, which answers `batch` inputs at once.
