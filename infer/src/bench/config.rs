@@ -190,7 +190,8 @@ impl BenchConfig {
         let mut all = toml::Table::new();
         for text in texts {
             // By itself first: there, a mistake has a line.
-            toml::from_str::<Self>(text.as_ref())?;
+            let own: Self = toml::from_str(text.as_ref())?;
+            own.data.iter().try_for_each(DataConfig::check_paper)?;
             all.extend(text.as_ref().parse::<toml::Table>()?);
         }
         let config: Self = all.try_into()?;
@@ -317,6 +318,18 @@ pub enum Origin {
 }
 
 impl DataConfig {
+    fn check_paper(&self) -> Result<(), ConfigError> {
+        for (row, paper) in &self.paper {
+            if let Some((key, value)) = paper.outside() {
+                return wrong(format!(
+                    "data set {}: {key} of paper.{row} is {value}: it must be from 0 to 1",
+                    self.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<(), ConfigError> {
         let set = &self.name;
         if self.steps == 0 {
@@ -434,6 +447,15 @@ mod tests {
         assert!(
             parse("steps = 10", "steps = 10\npaper.nbpp = { coverage = 1, auc = 1 }").contains("nbpp, which is no row")
         );
+        for (wrong, says) in [
+            ("coverage = nan, auc = 0.5", "data set simple: coverage of paper.fbe is NaN: it must be from 0 to 1"),
+            ("coverage = 0.5, auc = inf", "auc of paper.fbe is inf"),
+            ("coverage = 0.5, auc = 0.5, coverage_std = 76.0", "coverage_std of paper.fbe is 76"),
+            ("coverage = 0.5, auc = 0.5, auc_std = -0.1", "auc_std of paper.fbe is -0.1"),
+        ] {
+            let error = parse("steps = 10", &format!("steps = 10\npaper.fbe = {{ {wrong} }}"));
+            assert!(error.contains(says), "{error}");
+        }
         assert!(resolve("", &Choices::default()).unwrap_err().to_string().contains("at least one [[data]]"));
         // What a message advises to say on the command line helps.
         for (from, to, choices) in [

@@ -91,6 +91,16 @@ pub struct Published {
     pub auc_std: Option<f64>,
 }
 
+impl Published {
+    /// The first figure that is no share, by its name.
+    pub fn outside(&self) -> Option<(&'static str, f64)> {
+        let means = [("coverage", Some(self.coverage)), ("auc", Some(self.auc))];
+        let spreads = [("coverage_std", self.coverage_std), ("auc_std", self.auc_std)];
+        let mut given = means.into_iter().chain(spreads).filter_map(|(key, value)| Some((key, value?)));
+        given.find(|(_, value)| !(0.0..=1.0).contains(value))
+    }
+}
+
 /// A scene of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
