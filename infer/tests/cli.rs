@@ -451,6 +451,16 @@ fn a_bench_computes_again_what_no_longer_holds_and_never_becomes_smaller() {
     fs::write(&weights, bytes).unwrap();
     says(dir.path(), again, "2 files are of other settings");
 
+    // What cannot start changes nothing.
+    let before = files(&out);
+    fs::create_dir_all(dir.path().join("cut")).unwrap();
+    fs::copy(dir.path().join("net/config.json"), dir.path().join("cut/config.json")).unwrap();
+    fs::write(dir.path().join("cut/model.safetensors"), &fs::read(&weights).unwrap()[..99]).unwrap();
+    let config = config.replace("blocking_pixels = 1", "blocking_pixels = 3");
+    write(config.clone() + "[[policies]]\nname = 'cut'\npolicy = 'nbp'\ncheckpoint = 'cut'\n");
+    fails(dir.path(), bench, 1, "row cut: ");
+    assert!(files(&out) == before, "old tables stay");
+
     // A further row takes over what is there; fewer of anything is refused.
     write(config.replace(
         "[[policies]]\nname = 'fbe'",

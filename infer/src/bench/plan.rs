@@ -184,6 +184,16 @@ impl Manifest {
         Ok(Self { version, starts, seed, reference: terms.reference.clone(), rows: infos, sets })
     }
 
+    /// Whether another one is of the same bench: where a network is from does not matter, its bytes do.
+    pub fn is_of(&self, other: &Self) -> bool {
+        let nameless = |manifest: &Self| {
+            let mut manifest = manifest.clone();
+            manifest.rows.iter_mut().for_each(|row| row.checkpoint = None);
+            manifest
+        };
+        nameless(self) == nameless(other)
+    }
+
     /// What another bench, in the same folder before, had and this one would lose: its tables would be smaller.
     pub fn lacks(&self, old: &Self) -> Option<String> {
         let fewer = |what: &str, new: usize, old: usize| (new < old).then(|| format!("{old} {what}, not {new}"));

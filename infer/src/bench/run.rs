@@ -1,8 +1,8 @@
 //! The work: episodes of open cells on as many threads as there are, each cell written as its last episode ends.
 //!
 //! Threads take episode after episode, not cell after cell: all of them work on the same few cells, so that little is lost
-//! when the program is stopped, and the last cell does not leave them idle. A scene's world is built when its first episode
-//! begins, and gone after its last.
+//! when the program is stopped, and the last cell does not leave them idle. Worlds are built before, so that a scene that cannot
+//! be used is told before anything changes on disk; a scene's world is gone after its last episode.
 
 use super::FloorPlan;
 use super::plan::Row;
@@ -11,6 +11,7 @@ use crate::registry::{self, Network, PolicyContext, RegistryError};
 use crate::rollout::{EpisodeRecord, RolloutError, Trial, go_on};
 use nbp_env::config::SimError;
 use nbp_env::{Scene, SimConfig, World, parallel};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -78,9 +79,19 @@ impl Runner {
     }
 }
 
+/// Data set and scene, by numbers.
+pub type Place = (usize, usize);
+
+/// Scenes ready for episodes.
+///
+/// # Errors
+/// When a scene and the settings do not go together.
+pub fn worlds(scenes: BTreeMap<Place, Scene>, sim: &SimConfig) -> Result<BTreeMap<Place, Arc<World>>, SimError> {
+    scenes.into_par_iter().map(|(place, scene)| Ok((place, Arc::new(World::new(scene, sim)?)))).collect()
+}
+
 /// What is left to do in a scene.
 struct Site {
-    scene: Option<Scene>,
     worlds: Vec<Arc<World>>,
     jobs: usize,
 }
@@ -102,18 +113,17 @@ struct Work<'a> {
     manifest: &'a Manifest,
     runners: &'a [Runner],
     measures: Measures,
-    sites: BTreeMap<(usize, usize), Mutex<Site>>,
+    sites: BTreeMap<Place, Mutex<Site>>,
 }
 
-/// Computes the files of `open`. `scenes` has the scenes that they are of, by data set and number; `runners` the rows, in
-/// their order. `on_steps` is called with the number of steps of each episode that ends.
+/// Computes the files of `open`. `worlds` has the scenes that they are of, `runners` the rows, in their order. `on_steps` is called with the number of steps of each episode that ends.
 ///
 /// # Errors
 /// When a cell cannot be written or an episode fails; episodes that are under way finish, cells that are done stay.
 pub fn run(
     folder: &Path,
     manifest: &Manifest,
-    scenes: BTreeMap<(usize, usize), Scene>,
+    worlds: BTreeMap<Place, Arc<World>>,
     runners: &[Runner],
     measures: Measures,
     open: &[FileKey],
@@ -134,8 +144,8 @@ pub fn run(
             }
         }
     }
-    let site = |(place, scene)| (place, Mutex::new(Site { scene: Some(scene), worlds: Vec::new(), jobs: 0 }));
-    let mut sites: BTreeMap<_, Mutex<Site>> = scenes.into_iter().map(site).collect();
+    let site = |(place, world)| (place, Mutex::new(Site { worlds: vec![world], jobs: 0 }));
+    let mut sites: BTreeMap<_, Mutex<Site>> = worlds.into_iter().map(site).collect();
     for job in &jobs {
         if let Some(site) = sites.get_mut(&job.place()) {
             site.get_mut().unwrap_or_else(PoisonError::into_inner).jobs += 1;
@@ -159,7 +169,7 @@ impl Job<'_> {
         }
     }
 
-    fn place(&self) -> (usize, usize) {
+    fn place(&self) -> Place {
         (self.key().set, self.key().scene)
     }
 }
@@ -216,26 +226,23 @@ impl Work<'_> {
         Ok(EpisodeRecord { policy: row.name.clone(), ..record })
     }
 
-    /// The scene as a row's network sees it; built by whoever needs it first.
+    /// The scene as a row's network sees it; other views of it are built by whoever needs them first.
     fn world(&self, key: FileKey, row: usize) -> Result<Arc<World>, RunError> {
         let name = || self.manifest.sets[key.set].scenes[key.scene].name.clone();
         let site = self.sites.get(&(key.set, key.scene)).ok_or_else(|| RunError::NoScene(name()))?;
         let mut site = site.lock().unwrap_or_else(PoisonError::into_inner);
-        let sim = &self.runners[row].sim;
-        if let Some(scene) = site.scene.take() {
-            site.worlds.push(Arc::new(World::new(scene, sim)?));
-        }
-        if let Some(world) = site.worlds.iter().find(|world| world.config().encode == sim.encode) {
+        let encode = self.runners[row].sim.encode;
+        if let Some(world) = site.worlds.iter().find(|world| world.config().encode == encode) {
             return Ok(Arc::clone(world));
         }
         let first = site.worlds.first().ok_or_else(|| RunError::NoScene(name()))?;
-        let world = Arc::new(first.with_encode(sim.encode)?);
+        let world = Arc::new(first.with_encode(encode)?);
         site.worlds.push(Arc::clone(&world));
         Ok(world)
     }
 
     /// One job less in a scene; after its last, it is gone.
-    fn leave(&self, place: (usize, usize)) {
+    fn leave(&self, place: Place) {
         if let Some(site) = self.sites.get(&place) {
             let mut site = site.lock().unwrap_or_else(PoisonError::into_inner);
             site.jobs -= 1;

@@ -11,7 +11,7 @@ use nbp_env::scene::LoadOptions;
 use nbp_env::{Scene, parallel};
 use nbp_infer::bench::config::{BenchConfig, Choices, DataConfig, Origin, RowConfig};
 use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
-use nbp_infer::bench::run::{self, Measures, Runner};
+use nbp_infer::bench::run::{self, Measures, Place, Runner};
 use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
@@ -151,18 +151,30 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         released: config.released,
     };
     let manifest = Manifest::new(&terms, &rows, &sets)?;
-    if !args.merge && !args.replace {
-        refuse_to_replace(&out, &manifest)?;
-    }
-    settle(&out, &manifest, args.merge, talk)?;
+    let old = refuse_to_shrink(&out, &manifest, args.merge)?;
     if args.merge {
         return publish(&out, talk);
+    }
+    if !args.replace {
+        refuse_to_replace(&out, &manifest)?;
     }
     let Shard { number, count } = args.shard.unwrap_or(Shard { number: 0, count: 1 });
     let mine = manifest.shard(number, count);
     let survey = plan::survey(out.folder(), &manifest, &mine)?;
     tell_survey(&survey, mine.len(), talk);
-    compute(&out, &manifest, &rows, sets, &terms, &survey.open, device, talk)?;
+    let open = &survey.open;
+    let runners = runners(&rows, open, device, talk)?;
+    let sim = rows.first().map(|row| row.settings.sim.clone()).unwrap_or_default();
+    let worlds = run::worlds(needed(sets, open), &sim)?;
+    // From here on the old tables are gone.
+    settle(&out, old.as_ref(), &manifest, talk)?;
+    let total = open.iter().map(|&key| manifest.trials(key).len() * manifest.steps_of(key)).sum();
+    let (bar, done) = (talk.bar(total, "steps"), AtomicUsize::new(0));
+    let on_steps = |steps| bar.set(done.fetch_add(steps, Ordering::Relaxed) + steps, total);
+    let measures = Measures { visible: terms.visible, released: terms.released };
+    let finished = run::run(out.folder(), &manifest, worlds, &runners, measures, open, on_steps);
+    bar.finish();
+    finished?;
     let left = plan::survey(out.folder(), &manifest, &manifest.files())?.open;
     if left.is_empty() {
         return publish(&out, talk);
@@ -275,24 +287,14 @@ fn refuse_to_replace(out: &Output, manifest: &Manifest) -> Result<()> {
     )
 }
 
-/// Leaves `bench.json`, unless the folder has a bench that this one would make smaller.
-fn settle(out: &Output, manifest: &Manifest, is_merge: bool, talk: Talk) -> Result<()> {
+/// The bench that the folder holds, unless this one would make it smaller.
+fn refuse_to_shrink(out: &Output, manifest: &Manifest, is_merge: bool) -> Result<Option<Manifest>> {
     let folder = out.folder().display();
     let old = match Manifest::read(out.folder()) {
-        Err(BenchError::None(_)) if !is_merge => None,
-        old => Some(old?),
+        Err(BenchError::None(_)) if !is_merge => return Ok(None),
+        old => old?,
     };
-    // Where a network is from does not matter, its bytes do.
-    let nameless = |manifest: &Manifest| {
-        let mut manifest = manifest.clone();
-        manifest.rows.iter_mut().for_each(|row| row.checkpoint = None);
-        manifest
-    };
-    let Some(old) = old else { return Ok(manifest.write(out.folder())?) };
-    if nameless(&old) == nameless(manifest) {
-        return Ok(());
-    }
-    if is_merge {
+    if is_merge && !manifest.is_of(&old) {
         bail!("{folder} was computed with another configuration: give the one that it was computed with, or none");
     }
     if let Some(lost) = manifest.lacks(&old) {
@@ -302,14 +304,25 @@ fn settle(out: &Output, manifest: &Manifest, is_merge: bool, talk: Talk) -> Resu
             store::MANIFEST
         );
     }
-    talk.say(format!(
-        "{folder} holds another bench: its cells are kept where they fit, its tables are removed until all is there"
-    ));
-    let figures = old.sets.iter().flat_map(|set| report::figure_names(&set.name));
-    for name in tables::FILES.map(str::to_owned).into_iter().chain(figures) {
-        let path = out.folder().join(name);
-        if path.exists() {
-            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+    Ok(Some(old))
+}
+
+/// Leaves `bench.json`, and nothing of the tables of another bench.
+fn settle(out: &Output, old: Option<&Manifest>, manifest: &Manifest, talk: Talk) -> Result<()> {
+    if let Some(old) = old {
+        if manifest.is_of(old) {
+            return Ok(());
+        }
+        talk.say(format!(
+            "{} holds another bench: its cells are kept where they fit, its tables are removed until all is there",
+            out.folder().display()
+        ));
+        let figures = old.sets.iter().flat_map(|set| report::figure_names(&set.name));
+        for name in tables::FILES.map(str::to_owned).into_iter().chain(figures) {
+            let path = out.folder().join(name);
+            if path.exists() {
+                std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            }
         }
     }
     Ok(manifest.write(out.folder())?)
@@ -328,18 +341,8 @@ fn tell_survey(survey: &Survey, total: usize, talk: Talk) {
     }
 }
 
-/// Computes what is open.
-#[allow(clippy::too_many_arguments)] // all of the above, once
-fn compute(
-    out: &Output,
-    manifest: &Manifest,
-    rows: &[Row],
-    sets: Vec<DataSet>,
-    terms: &Terms,
-    open: &[FileKey],
-    device: DeviceChoice,
-    talk: Talk,
-) -> Result<()> {
+/// The rows, with the networks of those that have something to do.
+fn runners(rows: &[Row], open: &[FileKey], device: DeviceChoice, talk: Talk) -> Result<Vec<Runner>> {
     let mut networks = BTreeMap::new();
     let mut runners = Vec::new();
     for (number, row) in rows.iter().enumerate() {
@@ -359,18 +362,16 @@ fn compute(
         }
         runners.push(Runner::new(row, network));
     }
-    let needed: BTreeSet<(usize, usize)> = open.iter().map(|key| (key.set, key.scene)).collect();
+    Ok(runners)
+}
+
+/// The scenes that have something to do.
+fn needed(sets: Vec<DataSet>, open: &[FileKey]) -> BTreeMap<Place, Scene> {
+    let needed: BTreeSet<Place> = open.iter().map(|key| (key.set, key.scene)).collect();
     let numbered = sets.into_iter().enumerate().flat_map(|(number, set)| {
         set.scenes.into_iter().enumerate().map(move |(scene, found)| ((number, scene), found))
     });
-    let scenes = numbered.filter(|(place, _)| needed.contains(place)).collect();
-    let total = open.iter().map(|&key| manifest.trials(key).len() * manifest.steps_of(key)).sum();
-    let (bar, done) = (talk.bar(total, "steps"), AtomicUsize::new(0));
-    let on_steps = |steps| bar.set(done.fetch_add(steps, Ordering::Relaxed) + steps, total);
-    let measures = Measures { visible: terms.visible, released: terms.released };
-    let finished = run::run(out.folder(), manifest, scenes, &runners, measures, open, on_steps);
-    bar.finish();
-    Ok(finished?)
+    numbered.filter(|(place, _)| needed.contains(place)).collect()
 }
 
 /// Shows and writes the tables of a complete bench.
