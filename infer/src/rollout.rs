@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Steps of an episode, at most; the paper's longest are 500.
+pub const MOST_STEPS: usize = 100_000;
+
 /// Which episode: the same trial of the same scene is the same for every policy, up to its decisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Trial {

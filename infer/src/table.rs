@@ -112,7 +112,10 @@ pub fn text(rows: &[SummaryRow]) -> String {
 
 /// A table, head first, as Markdown; numbers to the right of the first column.
 pub(crate) fn markdown_of(lines: &[Vec<String>]) -> String {
-    let mut text: Vec<String> = lines.iter().map(|cells| format!("| {} |\n", cells.join(" | "))).collect();
+    let line = |cells: &Vec<String>| {
+        format!("| {} |\n", cells.iter().map(|cell| cell.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
+    };
+    let mut text: Vec<String> = lines.iter().map(line).collect();
     text.insert(1, format!("|---|{}\n", "---:|".repeat(lines.first().map_or(0, Vec::len).saturating_sub(1))));
     text.concat()
 }
@@ -172,6 +175,8 @@ mod tests {
         assert!(
             text(&rows).lines().all(|line| line.chars().count() == text(&rows).lines().next().unwrap().chars().count())
         );
+        let lines = [["a|b", "c"], ["d", "|"]].map(|line| line.map(str::to_owned).to_vec());
+        assert_eq!(markdown_of(&lines), "| a\\|b | c |\n|---|---:|\n| d | \\| |\n");
         let visible = BTreeMap::from([("s".to_owned(), 0.5)]);
         let seen = summarise(&episodes, &visible);
         assert!((seen[0].of_visible_mean.unwrap() - 1.7).abs() < 1e-12 && seen[1].of_visible_std == Some(0.0));

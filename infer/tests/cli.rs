@@ -246,6 +246,7 @@ fn bad_input_is_an_error_that_says_what_to_do() {
         (&format!("{rollout} file"), 1, "is not a scene"),
         ("eval --scenes net --out o", 1, "holds no scene"),
         ("eval --scenes scenes --out o --policies random,nbp", 2, "policy nbp needs a network"),
+        ("eval --scenes scenes --out o --steps 1000000000000", 2, "at most 100000"),
         ("eval --scenes scenes --out o --seeds 0", 2, "not in 1..=10000"),
         ("speed --scenes nowhere", 1, "there is no nowhere"),
         ("speed --scenes net", 1, "holds no scene"),
@@ -490,6 +491,8 @@ fn a_bench_that_cannot_be_says_why() {
     write_bench(dir.path());
     let config = fs::read_to_string(dir.path().join("bench.toml")).unwrap();
     fs::create_dir_all(dir.path().join("empty")).unwrap();
+    fs::create_dir_all(dir.path().join("long")).unwrap();
+    fs::copy(dir.path().join("scenes/a/a.obj"), dir.path().join(format!("long/{}.obj", "x".repeat(200)))).unwrap();
     fs::create_dir_all(dir.path().join("unet")).unwrap();
     fs::copy(dir.path().join("net/model.safetensors"), dir.path().join("unet/model.safetensors")).unwrap();
     let about = fs::read_to_string(dir.path().join("net/config.json")).unwrap();
@@ -522,6 +525,8 @@ fn a_bench_that_cannot_be_says_why() {
         ("--config bench.toml --data rooms", 2, "NAME=PATH"),
         ("--config bench.toml --data more=scenes/a", 1, "--steps more=100"),
         ("--config bench.toml --starts 0", 2, "--starts"),
+        ("--config bench.toml --data rooms=long", 1, "data set rooms: the name of one of the scenes, xxxxxxxxxx"),
+        ("--config bench.toml --steps 1000000000000", 1, "steps is 1000000000000: it must be at most 100000"),
     ] {
         fails(dir.path(), &format!("bench --out o {args}"), code, says);
     }
@@ -538,6 +543,7 @@ fn a_bench_that_cannot_be_says_why() {
         ),
         ("policy.blocking_pixels = 1", "sim.encode.window.pixels = 64", "a window of 32 pixels over 20 m"),
         ("steps = 8", "steps = 8\nlast = 3", "data set rooms holds 2 scenes, fewer"),
+        ("name = 'random'", "name = \"a\\u001b\"\npolicy = 'random'", "leave the control characters out"),
         ("steps = 8", "step = 8", "unknown field `step`"),
     ] {
         fs::write(dir.path().join("other.toml"), config.replacen(from, to, 1)).unwrap();

@@ -1,8 +1,10 @@
 //! What is compared on what: the configuration of a bench, and what the command line changes of it.
 
+use super::limits::{MOST_MAPS, MOST_SEEDS, MOST_STARTS, check_count, check_names};
 use super::store::Published;
 use crate::checkpoint;
 use crate::registry::{PolicyKind, RegistryError};
+use crate::rollout::MOST_STEPS;
 use crate::source::{self, Source, SourceError};
 use nbp_dataset::Level;
 use serde::Deserialize;
@@ -78,7 +80,7 @@ pub struct Generate {
     /// simple, normal, hard or insane.
     pub level: String,
     /// How many.
-    pub count: u64,
+    pub count: usize,
     /// Of the first one. Training maps have seeds from 1 on, held-out ones from 1,000,001 on.
     pub seed: u64,
 }
@@ -164,6 +166,12 @@ pub enum ConfigError {
     /// Anything else.
     #[error("{0}")]
     Wrong(String),
+}
+
+impl From<String> for ConfigError {
+    fn from(message: String) -> Self {
+        Self::Wrong(message)
+    }
 }
 
 fn wrong<T>(message: impl Into<String>) -> Result<T, ConfigError> {
@@ -263,16 +271,12 @@ impl BenchConfig {
                  before it (--config configs/bench/aimdoom.toml --config FILE)",
             );
         }
-        if self.starts == 0 {
-            return wrong("starts is 0: it must be at least 1");
-        }
-        names("data sets", self.data.iter().map(|set| &set.name))?;
-        names("rows", self.policies.iter().map(|row| &row.name))?;
+        check_count("starts", self.starts, MOST_STARTS)?;
+        check_names("data sets", self.data.iter().map(|set| set.name.as_str()))?;
+        check_names("rows", self.policies.iter().map(|row| row.name.as_str()))?;
         for row in &self.policies {
             row.kind()?;
-            if row.seeds == 0 {
-                return wrong(format!("row {}: seeds is 0: it must be at least 1", row.name));
-            }
+            check_count(&format!("row {}: seeds", row.name), row.seeds, MOST_SEEDS)?;
         }
         if !self.policies.iter().any(|row| row.name == self.reference) {
             let rows: Vec<&str> = self.policies.iter().map(|row| row.name.as_str()).collect();
@@ -291,21 +295,6 @@ fn known(what: &str, chosen: &[String], names: &[String]) -> Result<(), ConfigEr
         Some(name) => wrong(format!("no {what} is called {name}, only {}", names.join(", "))),
         None => Ok(()),
     }
-}
-
-/// Names are given, and each once.
-fn names<'a>(what: &str, names: impl Iterator<Item = &'a String>) -> Result<(), ConfigError> {
-    // Some disks do not tell large letters from small ones.
-    let mut seen = BTreeSet::new();
-    for name in names {
-        if name.is_empty() {
-            return wrong(format!("one of the {what} has no name"));
-        }
-        if !seen.insert(name.to_lowercase()) {
-            return wrong(format!("two {what} are called {name}: give each its own name"));
-        }
-    }
-    Ok(())
 }
 
 /// Where a scene of a data set comes from.
@@ -335,9 +324,10 @@ impl DataConfig {
         if self.steps == 0 {
             return wrong(format!("data set {set}: steps are missing or 0 (steps = 100, or --steps {set}=100)"));
         }
+        check_count(&format!("data set {set}: steps"), self.steps, MOST_STEPS)?;
         match &self.generate {
             Some(_) if !self.paths.is_empty() => wrong(format!("data set {set} has both generate and paths: take one")),
-            Some(generate) if generate.count == 0 => wrong(format!("data set {set} generates 0 maps")),
+            Some(generate) => Ok(check_count(&format!("data set {set}: generate.count"), generate.count, MOST_MAPS)?),
             None if self.paths.is_empty() => {
                 wrong(format!("data set {set} has no scenes: give generate or paths (--data {set}=FOLDER)"))
             }
@@ -352,9 +342,8 @@ impl DataConfig {
     pub fn origin(&self, maps: &Path) -> Result<Origin, ConfigError> {
         let set = &self.name;
         if let Some(Generate { level, count, seed }) = &self.generate {
-            let level =
-                level.parse().map_err(|reason: String| ConfigError::Wrong(format!("data set {set}: {reason}")))?;
-            return Ok(Origin::Generated(level, (0..*count).map(|n| seed.wrapping_add(n)).collect()));
+            let level = level.parse().map_err(|reason: String| format!("data set {set}: {reason}"))?;
+            return Ok(Origin::Generated(level, (0..*count as u64).map(|n| seed.wrapping_add(n)).collect()));
         }
         let paths: Vec<String> = self.paths.iter().map(|path| maps.join(path).display().to_string()).collect();
         let found = source::find_all(&paths)
@@ -442,8 +431,20 @@ mod tests {
         assert!(parse("steps = 10", "").contains("data set simple: steps are missing or 0"));
         assert!(parse("steps = 10", "steps = 10\npaths = ['a']").contains("both generate and paths"));
         assert!(parse("generate", "#generate").contains("--data simple=FOLDER"));
-        assert!(parse("count = 2", "count = 0").contains("generates 0 maps"));
+        assert!(parse("count = 2", "count = 0").contains("data set simple: generate.count is 0"));
         assert!(parse("seeds = 5", "seeds = 0").contains("row chance: seeds is 0"));
+        for (from, to, says) in [
+            ("seeds = 5", "seeds = 1000000000000", "row chance: seeds is 1000000000000: it must be at most 10000"),
+            (
+                "steps = 10",
+                "steps = 1000000000000",
+                "data set simple: steps is 1000000000000: it must be at most 100000",
+            ),
+            ("count = 2", "count = 1000000000000", "data set simple: generate.count is 1000000000000"),
+            ("reference", "starts = 1000000000000\nreference", "starts is 1000000000000: it must be at most 65535"),
+        ] {
+            assert!(parse(from, to).contains(says), "{}", parse(from, to));
+        }
         assert!(
             parse("steps = 10", "steps = 10\npaper.nbpp = { coverage = 1, auc = 1 }").contains("nbpp, which is no row")
         );

@@ -3,6 +3,7 @@
 //! Data flows one way: `config → plan → run → store → summary → tables`.
 
 pub mod config;
+pub mod limits;
 pub mod plan;
 
 pub mod floor;

@@ -1,5 +1,6 @@
 //! From rows and scenes to what is to be computed, and what of it is there already.
 
+use super::limits::check_names;
 use super::store::{BenchError, FileKey, Found, Manifest, Published, RowInfo, ScenePlan, SetPlan};
 use crate::checkpoint::{Settings, plain};
 use crate::journal::{BEHAVIOUR, hash, of_scene};
@@ -7,7 +8,7 @@ use crate::registry::PolicyKind;
 use nbp_env::encode::EncodeConfig;
 use nbp_env::{Scene, SimConfig};
 use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A row of the tables, settings resolved.
@@ -77,13 +78,13 @@ pub enum PlanError {
         /// That of the second.
         second_value: String,
     },
-    /// Names are how episodes are told apart.
-    #[error("data set {set}: two scenes are called {scene}: give each its own name")]
-    SameName {
+    /// Names are how episodes are told apart, and name files.
+    #[error("data set {set}: {reason}")]
+    Names {
         /// Data set.
         set: String,
-        /// Scene.
-        scene: String,
+        /// What is wrong with one.
+        reason: String,
     },
     /// Nowhere to start from.
     #[error("data set {set}: scene {scene} has no start poses")]
@@ -235,11 +236,8 @@ fn check_scenes(set: &DataSet) -> Result<(), PlanError> {
     if let Some(scene) = set.scenes.iter().find(|scene| scene.starts().is_empty()) {
         return Err(PlanError::NoStarts { set: set.name.clone(), scene: scene.name().to_owned() });
     }
-    let mut names = BTreeSet::new();
-    match set.scenes.iter().find(|scene| !names.insert(scene.name().to_lowercase())) {
-        Some(twin) => Err(PlanError::SameName { set: set.name.clone(), scene: twin.name().to_owned() }),
-        None => Ok(()),
-    }
+    check_names("scenes", set.scenes.iter().map(Scene::name))
+        .map_err(|reason| PlanError::Names { set: set.name.clone(), reason })
 }
 
 /// What is there of some files.

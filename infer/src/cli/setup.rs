@@ -7,6 +7,7 @@ use nbp_env::nbv::NbvConfig;
 use nbp_env::predict::Paired;
 use nbp_env::{Predictor, Scene, World};
 use nbp_infer::registry::Network;
+use nbp_infer::rollout::MOST_STEPS;
 use nbp_infer::{PolicyContext, PolicyKind, Settings, checkpoint};
 use nbp_model::weights::scone::Baseline;
 use nbp_model::{CheckpointConfig, DeviceChoice};
@@ -141,8 +142,8 @@ impl Args {
             usage(&format!("policy {kind} needs a network: give --checkpoint DIR of {net}{given}"));
         }
         let steps = self.steps.or(eval.steps).unwrap_or(100);
-        if steps == 0 {
-            usage("--steps must be at least 1");
+        if !(1..=MOST_STEPS).contains(&steps) {
+            usage(&format!("--steps must be at least 1 and at most {MOST_STEPS}"));
         }
         if let Some(trained) = &trained {
             checkpoint::check(trained, &settings.sim)?;
