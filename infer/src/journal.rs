@@ -1,14 +1,15 @@
 //! Finished episodes on disk, one JSON line each, written as they finish: what a second call takes over from the first.
 //!
 //! Every line carries a fingerprint of all that the episode depends on besides its key: scene, settings and, for policies
-//! that ask it, network. A line with another fingerprint is left alone and not used, so one file serves many evaluations.
+//! that ask it, network, and a checksum of the record. A line with another fingerprint is left alone and not used, so one file
+//! serves many evaluations.
 
 use crate::checkpoint::Settings;
 use crate::eval::EvalConfig;
 use crate::registry::PolicyKind;
 use crate::rollout::EpisodeRecord;
-use nbp_env::{Scene, SeedTree, World};
-use serde::{Deserialize, Serialize};
+use crate::seal::{hash, seal, unseal};
+use nbp_env::{Scene, World};
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -20,12 +21,6 @@ pub const BEHAVIOUR: u32 = 2;
 
 /// Name of the file in an evaluation's folder.
 pub const FILE: &str = "journal.jsonl";
-
-#[derive(Serialize, Deserialize)]
-struct Line<R> {
-    fingerprint: String,
-    record: R,
-}
 
 /// What the episodes of an evaluation depend on.
 #[derive(Clone, Debug)]
@@ -70,15 +65,6 @@ pub(crate) fn of_scene(scene: &Scene) -> u64 {
     hash(&corners.chain(setting.into_bytes()).collect::<Vec<u8>>())
 }
 
-/// 64 bits, eight bytes at a time.
-pub(crate) fn hash(bytes: &[u8]) -> u64 {
-    let word = |chunk: &[u8]| chunk.iter().rev().fold(0_u64, |word, &byte| word << 8 | u64::from(byte));
-    let folded = bytes.chunks(8).fold(bytes.len() as u64, |state, chunk| {
-        (state ^ word(chunk)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
-    });
-    SeedTree::new(folded).key()
-}
-
 /// The journal of the evaluations in a folder.
 pub struct Journal {
     fingerprints: Fingerprints,
@@ -98,8 +84,8 @@ impl Journal {
             // A crash left half a line: what follows must not become its end.
             file.write_all(b"\n")?;
         }
-        let good = |line: Line<EpisodeRecord>| {
-            (fingerprints.of(&line.record).as_ref() == Some(&line.fingerprint)).then_some(line.record)
+        let good = |(fingerprint, record): (String, EpisodeRecord)| {
+            (fingerprints.of(&record) == Some(fingerprint)).then_some(record)
         };
         let records = lines.into_iter().filter_map(good).collect();
         Ok((Self { fingerprints, file: Mutex::new(file) }, records))
@@ -118,17 +104,21 @@ impl Journal {
 
     fn line(&self, record: &EpisodeRecord) -> io::Result<String> {
         let fingerprint = self.fingerprints.of(record).unwrap_or_default();
-        Ok(serde_json::to_string(&Line { fingerprint, record })? + "\n")
+        Ok(seal(&fingerprint, &serde_json::to_string(record)?) + "\n")
     }
 }
 
-/// The readable lines of a file, none if it is not there, and whether its last line is torn.
-fn read(path: &Path) -> io::Result<(Vec<Line<EpisodeRecord>>, bool)> {
+/// Fingerprints and records of a file's readable lines, none if it is not there, and whether its last line is torn.
+fn read(path: &Path) -> io::Result<(Vec<(String, EpisodeRecord)>, bool)> {
     match fs::read(path) {
         Ok(bytes) => {
             // A damaged line is one episode to run again.
             let text = String::from_utf8_lossy(&bytes);
-            let lines = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+            let line = |line: &str| {
+                let (fingerprint, record) = unseal(line)?;
+                Some((fingerprint.to_owned(), serde_json::from_str(record).ok()?))
+            };
+            let lines = text.lines().filter_map(line).collect();
             Ok((lines, !text.is_empty() && !text.ends_with('\n')))
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok((Vec::new(), false)),
@@ -168,7 +158,11 @@ mod tests {
         assert_eq!(records, [record("fbe", 0)]);
         journal.append(&record("fbe", 2)).unwrap();
         drop(journal);
-        assert_eq!(Journal::open(dir.path(), prints).unwrap().1, [record("fbe", 0), record("fbe", 2)]);
+        assert_eq!(Journal::open(dir.path(), prints.clone()).unwrap().1, [record("fbe", 0), record("fbe", 2)]);
+        // A figure that is not what was written is none.
+        let text = String::from_utf8_lossy(&fs::read(&file).unwrap()).replacen("0.25", "0.35", 1);
+        fs::write(&file, text).unwrap();
+        assert_eq!(Journal::open(dir.path(), prints).unwrap().1, [record("fbe", 2)]);
     }
 
     #[test]

@@ -14,6 +14,7 @@ pub mod bench;
 pub mod decisions;
 pub mod eval;
 pub mod journal;
+mod seal;
 pub mod speed;
 
 pub mod export;

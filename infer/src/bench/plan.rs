@@ -3,8 +3,9 @@
 use super::limits::check_names;
 use super::store::{BenchError, FileKey, Found, Manifest, Published, RowInfo, ScenePlan, SetPlan};
 use crate::checkpoint::{Settings, plain};
-use crate::journal::{BEHAVIOUR, hash, of_scene};
+use crate::journal::{BEHAVIOUR, of_scene};
 use crate::registry::PolicyKind;
+use crate::seal::hash;
 use nbp_env::encode::EncodeConfig;
 use nbp_env::{Scene, SimConfig};
 use serde_json::Value;

@@ -6,9 +6,9 @@
 //! file is written whole or not at all, and none is believed without its fingerprint and its checksum.
 
 use super::FloorPlan;
-use crate::journal::hash;
 use crate::registry::PolicyKind;
 use crate::rollout::EpisodeRecord;
+use crate::seal::{seal, unseal};
 use nbp_env::Lattice;
 use nbp_model::weights::write_atomic;
 use serde::de::DeserializeOwned;
@@ -212,12 +212,15 @@ impl Manifest {
     /// When there is none, or it cannot be read.
     pub fn read(folder: &Path) -> Result<Self, BenchError> {
         let path = folder.join(MANIFEST);
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(BenchError::None(folder.into())),
-            Err(source) => return Err(BenchError::Io { what: "read", path, source }),
-        };
-        serde_json::from_str(&text).map_err(|error| BenchError::Damaged { path, reason: error.to_string() })
+        let damaged = |reason: &str| Err(BenchError::Damaged { path: path.clone(), reason: reason.into() });
+        match read_sealed::<Self>(&path, MANIFEST)? {
+            Found::Missing => Err(BenchError::None(folder.into())),
+            Found::Damaged | Found::Other => damaged("it is not as this program wrote it"),
+            Found::Good(manifest) => match manifest.check() {
+                Err(reason) => damaged(&reason),
+                Ok(()) => Ok(manifest),
+            },
+        }
     }
 
     /// Writes `bench.json`.
@@ -225,10 +228,7 @@ impl Manifest {
     /// # Errors
     /// When the folder cannot be written to.
     pub fn write(&self, folder: &Path) -> Result<(), BenchError> {
-        let path = folder.join(MANIFEST);
-        let text = serde_json::to_string_pretty(self).map_err(io::Error::from);
-        let written = text.and_then(|text| write_atomic(&path, (text + "\n").as_bytes()));
-        written.map_err(|source| BenchError::Io { what: "write", path, source })
+        write_sealed(&folder.join(MANIFEST), MANIFEST, serde_json::to_string_pretty(self))
     }
 
     /// Every file that belongs to it, scene by scene: the scene's own first, its cells after it.
@@ -302,7 +302,7 @@ impl Manifest {
     /// # Errors
     /// When the folder cannot be written to.
     pub fn write_cell(&self, folder: &Path, key: FileKey, records: &[EpisodeRecord]) -> Result<(), BenchError> {
-        write_sealed(&folder.join(self.path(key)), self.fingerprint(key), &records)
+        write_sealed(&folder.join(self.path(key)), self.fingerprint(key), serde_json::to_string(records))
     }
 
     /// What is known of a scene.
@@ -318,7 +318,7 @@ impl Manifest {
     /// # Errors
     /// When the folder cannot be written to.
     pub fn write_scene(&self, folder: &Path, key: FileKey, info: &SceneInfo) -> Result<(), BenchError> {
-        write_sealed(&folder.join(self.path(key)), self.fingerprint(key), info)
+        write_sealed(&folder.join(self.path(key)), self.fingerprint(key), serde_json::to_string(info))
     }
 }
 
@@ -392,16 +392,13 @@ pub fn file_name(name: &str) -> String {
     name.bytes().enumerate().map(one).collect()
 }
 
-const HEAD: [&str; 4] = ["{\"fingerprint\":\"", "\",\"check\":\"", "\",\"content\":", "}\n"];
-
-fn write_sealed(path: &Path, fingerprint: &str, content: &impl Serialize) -> Result<(), BenchError> {
+fn write_sealed(path: &Path, fingerprint: &str, content: serde_json::Result<String>) -> Result<(), BenchError> {
     let write = || {
-        let body = serde_json::to_string(content)?;
-        let check = format!("{:016x}", hash(body.as_bytes()));
+        let text = seal(fingerprint, &content?) + "\n";
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        write_atomic(path, [HEAD[0], fingerprint, HEAD[1], &check, HEAD[2], &body, HEAD[3]].concat().as_bytes())
+        write_atomic(path, text.as_bytes())
     };
     write().map_err(|source| BenchError::Io { what: "write", path: path.into(), source })
 }
@@ -412,16 +409,11 @@ fn read_sealed<T: DeserializeOwned>(path: &Path, fingerprint: &str) -> Result<Fo
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Missing),
         Err(source) => return Err(BenchError::Io { what: "read", path: path.into(), source }),
     };
-    let parts = std::str::from_utf8(&bytes).ok().and_then(|text| {
-        let (found, rest) = text.strip_prefix(HEAD[0])?.split_once(HEAD[1])?;
-        let (check, rest) = rest.split_once(HEAD[2])?;
-        let body = rest.strip_suffix(HEAD[3])?;
-        (check == format!("{:016x}", hash(body.as_bytes()))).then_some((found, body))
-    });
-    Ok(match parts {
+    let text = std::str::from_utf8(&bytes).ok().and_then(|text| text.strip_suffix('\n'));
+    Ok(match text.and_then(unseal) {
         None => Found::Damaged,
         Some((found, _)) if found != fingerprint => Found::Other,
-        Some((_, body)) => serde_json::from_str(body).map_or(Found::Damaged, Found::Good),
+        Some((_, content)) => serde_json::from_str(content).map_or(Found::Damaged, Found::Good),
     })
 }
 
@@ -522,6 +514,10 @@ pub(crate) mod tests {
         assert_eq!(about.read_cell(dir.path(), key).unwrap(), Found::Missing);
         fs::write(dir.path().join(MANIFEST), "{").unwrap();
         assert!(message().contains("bench.json cannot be read"), "{}", message());
+        about.write(dir.path()).unwrap();
+        let text = fs::read_to_string(dir.path().join(MANIFEST)).unwrap();
+        fs::write(dir.path().join(MANIFEST), text.replacen("\"seed\": 7", "\"seed\": 8", 1)).unwrap();
+        assert!(message().contains("not as this program wrote it"), "{}", message());
     }
 
     #[test]
