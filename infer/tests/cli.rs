@@ -482,6 +482,14 @@ fn a_bench_computes_again_what_no_longer_holds_and_never_becomes_smaller() {
     ] {
         fails(dir.path(), &format!("{bench} {args}"), 1, lost);
     }
+    for (from, to, lost) in [
+        ("starts = 2", "starts = 2\nvisible = false", "coverage as a share of what is visible"),
+        ("starts = 2", "starts = 2\nreleased = false", "coverage as the released code counts it"),
+        ("paper.fbe", "# ", "published figures of fbe on data set rooms"),
+    ] {
+        write(config.replacen(from, to, 1));
+        fails(dir.path(), again, 1, &format!("holds a bench with {lost}"));
+    }
     assert!(out.join("summary.md").exists());
 }
 
@@ -491,8 +499,8 @@ fn a_bench_that_cannot_be_says_why() {
     write_bench(dir.path());
     let config = fs::read_to_string(dir.path().join("bench.toml")).unwrap();
     fs::create_dir_all(dir.path().join("empty")).unwrap();
-    fs::create_dir_all(dir.path().join("long")).unwrap();
-    fs::copy(dir.path().join("scenes/a/a.obj"), dir.path().join(format!("long/{}.obj", "x".repeat(200)))).unwrap();
+    let long = format!("{}.obj", "x".repeat(200));
+    fs::copy(dir.path().join("scenes/a/a.obj"), dir.path().join(&long)).unwrap();
     fs::create_dir_all(dir.path().join("unet")).unwrap();
     fs::copy(dir.path().join("net/model.safetensors"), dir.path().join("unet/model.safetensors")).unwrap();
     let about = fs::read_to_string(dir.path().join("net/config.json")).unwrap();
@@ -525,7 +533,7 @@ fn a_bench_that_cannot_be_says_why() {
         ("--config bench.toml --data rooms", 2, "NAME=PATH"),
         ("--config bench.toml --data more=scenes/a", 1, "--steps more=100"),
         ("--config bench.toml --starts 0", 2, "--starts"),
-        ("--config bench.toml --data rooms=long", 1, "data set rooms: the name of one of the scenes, xxxxxxxxxx"),
+        (&format!("--config bench.toml --data rooms={long}"), 1, "data set rooms: the name of one of the scenes, xxx"),
         ("--config bench.toml --steps 1000000000000", 1, "steps is 1000000000000: it must be at most 100000"),
     ] {
         fails(dir.path(), &format!("bench --out o {args}"), code, says);

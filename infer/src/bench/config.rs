@@ -69,7 +69,7 @@ pub struct DataConfig {
     pub drop_last: usize,
     /// Of the rest, only the last so many.
     pub last: Option<usize>,
-    /// Published figures, by the name of a row.
+    /// Published figures, by the name of a row; those of rows that are not there are left out.
     pub paper: BTreeMap<String, Published>,
 }
 
@@ -195,21 +195,18 @@ impl BenchConfig {
     /// # Errors
     /// Naming the line or the field.
     pub fn parse(texts: &[impl AsRef<str>]) -> Result<Self, ConfigError> {
-        let mut all = toml::Table::new();
+        let (mut all, mut rows) = (toml::Table::new(), BTreeSet::new());
         for text in texts {
             // By itself first: there, a mistake has a line.
             let own: Self = toml::from_str(text.as_ref())?;
-            own.data.iter().try_for_each(DataConfig::check_paper)?;
+            if !own.policies.is_empty() {
+                rows = own.policies.into_iter().map(|row| row.name).collect();
+            }
+            // Rows that another file takes away later are no mistake of this one.
+            own.data.iter().try_for_each(|set| set.check_paper(&rows))?;
             all.extend(text.as_ref().parse::<toml::Table>()?);
         }
-        let config: Self = all.try_into()?;
-        let rows: BTreeSet<&str> = config.policies.iter().map(|row| row.name.as_str()).collect();
-        for set in &config.data {
-            if let Some(row) = set.paper.keys().find(|row| !rows.contains(row.as_str())) {
-                return wrong(format!("data set {}: paper names {row}, which is no row", set.name));
-            }
-        }
-        Ok(config)
+        Ok(all.try_into()?)
     }
 
     /// The same with what the command line says.
@@ -218,12 +215,14 @@ impl BenchConfig {
     /// When it names a row or data set that is not there, or what is left makes no bench.
     pub fn choose(mut self, choices: &Choices) -> Result<Self, ConfigError> {
         self.maps = choices.maps.clone().unwrap_or(self.maps);
-        for (name, paths) in &choices.data {
+        for (number, (name, paths)) in choices.data.iter().enumerate() {
+            let is_more = choices.data[..number].iter().any(|(other, _)| other == name);
             // Such paths are relative to where the command is given.
             let here =
                 |path: &String| std::path::absolute(path).map_or(path.clone(), |path| path.display().to_string());
-            let paths = paths.iter().map(here).collect();
+            let paths: Vec<String> = paths.iter().map(here).collect();
             match self.data.iter_mut().find(|set| set.name == *name) {
+                Some(set) if is_more => set.paths.extend(paths),
                 Some(set) => (set.generate, set.paths) = (None, paths),
                 None => self.data.push(DataConfig { name: name.clone(), paths, ..DataConfig::default() }),
             }
@@ -256,6 +255,8 @@ impl BenchConfig {
                 }
             }
         }
+        let rows: BTreeSet<&String> = self.policies.iter().map(|row| &row.name).collect();
+        self.data.iter_mut().for_each(|set| set.paper.retain(|row, _| rows.contains(row)));
         self.reference = choices.reference.clone().unwrap_or(self.reference);
         self.starts = choices.starts.unwrap_or(self.starts);
         self.seed = choices.seed.unwrap_or(self.seed);
@@ -307,8 +308,12 @@ pub enum Origin {
 }
 
 impl DataConfig {
-    fn check_paper(&self) -> Result<(), ConfigError> {
+    /// Figures must be shares, and those of `rows` where these are known.
+    fn check_paper(&self, rows: &BTreeSet<String>) -> Result<(), ConfigError> {
         for (row, paper) in &self.paper {
+            if !rows.is_empty() && !rows.contains(row) {
+                return wrong(format!("data set {}: paper names {row}, which is no row", self.name));
+            }
             if let Some((key, value)) = paper.outside() {
                 return wrong(format!(
                     "data set {}: {key} of paper.{row} is {value}: it must be from 0 to 1",
@@ -391,7 +396,9 @@ mod tests {
     #[test]
     fn the_command_line_chooses_and_adds() {
         let choices = Choices {
-            data: vec![("simple".into(), vec!["/a".into()]), ("mine".into(), vec!["/b".into(), "/c".into()])],
+            data: [("simple", "/a"), ("mine", "/b"), ("mine", "/c")]
+                .map(|(set, path)| (set.into(), vec![path.into()]))
+                .into(),
             steps: vec![(None, 7), (Some("mine".into()), 9)],
             policies: vec!["nbp".into(), "fbe".into(), "nbp-mine".into()],
             checkpoints: vec![(None, "all".into()), (Some("nbp-mine".into()), "one".into())],
@@ -490,6 +497,18 @@ mod tests {
         let data = "starts = 3\n[[data]]\nname = 'other'\nsteps = 5\npaths = ['x']";
         let both = BenchConfig::parse(&[SMALL, data]).unwrap();
         assert_eq!((both.starts, both.data.len(), both.data[0].name.as_str(), both.policies.len()), (3, 1, "other", 4));
+        // Figures of rows that a later file takes away are left out; a name that no row has had is a mistake.
+        let paper = "steps = 10\npaper.nbp = { coverage = 0.5, auc = 0.5 }";
+        let figures = SMALL.replace("steps = 10", paper);
+        let rows = "[[policies]]\nname = 'fbe'";
+        let config = BenchConfig::parse(&[figures.as_str(), rows]).unwrap();
+        assert!(config.choose(&Choices::default()).unwrap().data[0].paper.is_empty());
+        let data = data.replace("steps = 5", paper);
+        let chosen = |texts: &[&str]| BenchConfig::parse(texts)?.choose(&Choices::default());
+        assert!(chosen(&[SMALL, &data]).unwrap().data[0].paper.contains_key("nbp"));
+        assert!(chosen(&[&data, rows]).unwrap().data[0].paper.is_empty());
+        let error = chosen(&[SMALL, &data.replace("nbp", "nbpp")]).unwrap_err().to_string();
+        assert!(error.contains("data set other: paper names nbpp, which is no row"), "{error}");
         let error = BenchConfig::parse(&[SMALL, "start = 3"]).unwrap_err().to_string();
         assert!(error.contains("line 1") && error.contains("unknown field `start`"), "{error}");
     }

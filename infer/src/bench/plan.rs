@@ -183,7 +183,8 @@ impl Manifest {
             Ok(SetPlan { name: set.name.clone(), steps: set.steps, paper: set.paper.clone(), scenes })
         };
         let sets = sets.iter().map(set_plan).collect::<Result<Vec<_>, PlanError>>()?;
-        Ok(Self { version, starts, seed, reference: terms.reference.clone(), rows: infos, sets })
+        let reference = terms.reference.clone();
+        Ok(Self { version, starts, seed, reference, visible, released, rows: infos, sets })
     }
 
     /// Whether another one is of the same bench: where a network is from does not matter, its bytes do.
@@ -210,10 +211,18 @@ impl Manifest {
                 };
                 let lost = set.scenes.iter().find(|scene| !new.scenes.iter().any(|new| new.name == scene.name));
                 let lost = lost.map(|scene| format!("scene {} of data set {}", scene.name, set.name));
-                lost.or_else(|| fewer(&format!("steps on data set {}", set.name), new.steps, set.steps))
+                let figures = set.paper.keys().find(|row| !new.paper.contains_key(*row));
+                let figures = figures.map(|row| format!("published figures of {row} on data set {}", set.name));
+                let steps = || fewer(&format!("steps on data set {}", set.name), new.steps, set.steps);
+                lost.or(figures).or_else(steps)
             })
         };
-        rows.or_else(sets).or_else(|| fewer("starts", self.starts, old.starts))
+        let columns = [
+            (old.visible && !self.visible, "coverage as a share of what is visible"),
+            (old.released && !self.released, "coverage as the released code counts it"),
+        ];
+        let column = || columns.iter().find(|(is_lost, _)| *is_lost).map(|(_, what)| (*what).to_owned());
+        rows.or_else(sets).or_else(|| fewer("starts", self.starts, old.starts)).or_else(column)
     }
 
     /// The files that shard `shard` of `shards` (from 0) has to see to. Neighbours in both scenes and rows go to different

@@ -32,6 +32,10 @@ pub struct Manifest {
     pub seed: u64,
     /// Name of the row that others are compared with.
     pub reference: String,
+    /// Whether it is measured what can be seen of each scene at all.
+    pub visible: bool,
+    /// Whether coverage is counted as the released code does, too.
+    pub released: bool,
     /// Rows of the tables, in their order.
     pub rows: Vec<RowInfo>,
     /// Data sets, in their order.
@@ -443,6 +447,8 @@ pub(crate) mod tests {
             starts: 2,
             seed: 7,
             reference: "fbe".into(),
+            visible: true,
+            released: false,
             rows: vec![row(PolicyKind::Fbe, 1), row(PolicyKind::Random, 2)],
             sets: vec![SetPlan { name: "simple".into(), steps: 2, paper: BTreeMap::new(), scenes: vec![scene] }],
         }
