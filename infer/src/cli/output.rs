@@ -1,7 +1,7 @@
 //! The folder that results go to: tried before the work, each file written whole or not at all.
 
 use anyhow::{Context, Result, bail};
-use nbp_model::weights::write_atomic;
+use nbp_model::weights::{create_temporary, write_atomic};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -17,9 +17,8 @@ impl Output {
             bail!("cannot write to {}: it is a file, not a folder", folder.display());
         }
         fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-        let probe = folder.join(format!(".probe.{}", std::process::id()));
-        fs::write(&probe, b"")
-            .and_then(|()| fs::remove_file(&probe))
+        create_temporary(&folder.join("probe"))
+            .and_then(|(probe, _)| fs::remove_file(probe))
             .with_context(|| format!("cannot write to the folder {}", folder.display()))?;
         Ok(Self { folder: folder.to_owned() })
     }

@@ -8,7 +8,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Writes a file under a temporary name in the same folder, flushes it to the disk and renames it, so that a crash
 /// leaves the old file or the new one, never half of one.
@@ -16,13 +16,8 @@ use std::path::Path;
 /// # Errors
 /// When the folder cannot be written to.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
-    let temporary = path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
-    let written = File::create(&temporary).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)
-    });
+    let (temporary, mut file) = create_temporary(path)?;
+    let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
         // The first error is the one to report; a leftover of an unwritable folder cannot be removed either.
         let _ = fs::remove_file(&temporary);
@@ -32,6 +27,24 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     match path.parent().map(|dir| if dir.as_os_str().is_empty() { Path::new(".") } else { dir }).map(File::open) {
         Some(Ok(dir)) => dir.sync_all().or(Ok(())),
         _ => Ok(()),
+    }
+}
+
+/// A new file beside `path` and its name, which nobody else has: not another program either, of which one on another machine
+/// or in another container may have the same number.
+///
+/// # Errors
+/// When the folder cannot be written to.
+pub fn create_temporary(path: &Path) -> io::Result<(PathBuf, File)> {
+    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
+    let mut number = 0_u64;
+    loop {
+        let name = format!(".{}.{}.{number}.tmp", name.to_string_lossy(), std::process::id());
+        let temporary = path.with_file_name(name);
+        match File::create_new(&temporary) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            file => return Ok((temporary, file?)),
+        }
     }
 }
 
@@ -99,4 +112,21 @@ pub(super) fn from_pytorch(path: &Path) -> Result<Tensors, String> {
         tensors.insert(name.to_owned(), data.convert::<f32>());
     }
     Ok(tensors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn temporary_files_of_others_are_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        // Of a program in another container that has the same number.
+        let (theirs, mut file) = create_temporary(&path).unwrap();
+        file.write_all(b"theirs").unwrap();
+        write_atomic(&path, b"ours").unwrap();
+        assert_eq!((fs::read(&path).unwrap(), fs::read(&theirs).unwrap()), (b"ours".to_vec(), b"theirs".to_vec()));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 2, "nothing else is left there");
+    }
 }

@@ -10,7 +10,7 @@ mod precision;
 pub mod scone;
 mod tensors;
 
-pub use file::write_atomic;
+pub use file::{create_temporary, write_atomic};
 pub use precision::{Precision, UnknownPrecision};
 
 use crate::config::{ARCHITECTURE, CheckpointConfig, ConfigError, InputScale, NetConfig, VERSION};
