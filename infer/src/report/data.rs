@@ -20,7 +20,7 @@ pub(super) struct Data {
     /// Number of the row that others are compared with.
     reference: usize,
     /// Horizontal field of view, degrees, and range, metres.
-    view: [f32; 2],
+    pub(super) view: [f32; 2],
     sets: Vec<Set>,
 }
 

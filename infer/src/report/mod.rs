@@ -41,7 +41,9 @@ pub fn figure_names(set: &str) -> [String; 3] {
 pub fn html(result: &BenchResult) -> Result<String, serde_json::Error> {
     let summaries = summary::summarise(result);
     // Nothing in a text can end the element that it stands in.
-    let data = serde_json::to_string(&data::data(result))?.replace('<', "\\u003c");
+    let data = data::data(result);
+    let view = data.view[0].to_string();
+    let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
     let parts = [
         ("title", escape(&tables::title(result))),
         ("style", STYLE.to_owned()),
@@ -49,6 +51,7 @@ pub fn html(result: &BenchResult) -> Result<String, serde_json::Error> {
         ("overview", tables::overview(&summaries)),
         ("tables", tables::tables(&summaries)),
         ("meaning", tables::meaning(&summaries)),
+        ("view", view),
         ("data", data),
         ("script", SCRIPTS.join("\n")),
     ];
@@ -121,6 +124,15 @@ mod tests {
         assert!(page.contains("0.250 <small>± 0.000</small>") && !page.contains("{{"));
         let names: Vec<String> = figures(&result).into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["coverage-simple.svg", "scatter-simple.svg", "episode-simple.svg"]);
+    }
+
+    #[test]
+    fn the_view_is_that_of_the_camera() {
+        let mut result = sample();
+        assert!(html(&result).contains("agent’s 90° view"));
+        let camera = nbp_env::sensor::Camera { hfov_degrees: 62.5, ..Default::default() };
+        result.about.rows[0].settings = serde_json::json!({"sim": {"camera": camera}});
+        assert!(html(&result).contains("agent’s 62.5° view"));
     }
 
     #[test]
