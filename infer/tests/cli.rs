@@ -4,6 +4,8 @@
 
 use nbp_env::Scene;
 use nbp_env::window::WindowSize;
+use nbp_model::scone::{Scone, SconeConfig};
+use nbp_model::weights::scone::{self, Baseline, SconeDescription};
 use nbp_model::{CheckpointConfig, DeviceChoice, Nbp, NetConfig, NetPredictor, weights};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::fmt::Write as _;
@@ -53,6 +55,14 @@ fn write_checkpoint(folder: &Path) {
     let device = DeviceChoice::Flex.resolve().unwrap();
     let config = CheckpointConfig::new(net, WindowSize { pixels: 32, metres: 20.0 });
     weights::save(&folder.join("net"), &Nbp::new(&net, 1, &device).unwrap(), &config).unwrap();
+}
+
+/// Tiny untrained networks of `scone` in `views`.
+fn write_views(folder: &Path) {
+    let net = SconeConfig { width: 16, ..SconeConfig::default() };
+    let device = DeviceChoice::Flex.resolve().unwrap();
+    let config = SconeDescription::new(Baseline::Scone, net);
+    scone::save(&folder.join("views"), &Scone::new(&net, 1, &device).unwrap(), &config).unwrap();
 }
 
 fn json(path: &Path) -> serde_json::Value {
@@ -224,6 +234,8 @@ fn bad_input_is_an_error_that_says_what_to_do() {
     let config = fs::read_to_string(dir.path().join("net/config.json")).unwrap();
     fs::write(dir.path().join("unet/config.json"), config.replace("\"nbp\"", "\"unet\"")).unwrap();
 
+    write_views(dir.path());
+
     let rollout = "rollout --policy fbe --steps 3 --out o --scene";
     for (args, code, says) in [
         ("", 2, "Usage"),
@@ -244,6 +256,11 @@ fn bad_input_is_an_error_that_says_what_to_do() {
         (&format!("{rollout} bad.obj"), 1, "line 1"),
         (&format!("{rollout} bad.wad"), 1, "bad.wad"),
         (&format!("{rollout} file"), 1, "is not a scene"),
+        (
+            "eval --scenes scenes --out o --checkpoint views --obstacle-checkpoint net",
+            1,
+            "--obstacle-checkpoint is for nbp alone",
+        ),
         ("eval --scenes net --out o", 1, "holds no scene"),
         ("eval --scenes scenes --out o --policies random,nbp", 2, "policy nbp needs a network"),
         ("eval --scenes scenes --out o --steps 1000000000000", 2, "at most 100000"),
@@ -497,6 +514,7 @@ fn a_bench_computes_again_what_no_longer_holds_and_never_becomes_smaller() {
 fn a_bench_that_cannot_be_says_why() {
     let dir = tempfile::tempdir().unwrap();
     write_bench(dir.path());
+    write_views(dir.path());
     let config = fs::read_to_string(dir.path().join("bench.toml")).unwrap();
     fs::create_dir_all(dir.path().join("empty")).unwrap();
     let long = format!("{}.obj", "x".repeat(200));
@@ -508,6 +526,9 @@ fn a_bench_that_cannot_be_says_why() {
     for (args, code, says) in [
         ("", 2, "--config"),
         ("--merge", 1, "o holds no bench"),
+        ("--merge --starts 3", 2, "need a --config FILE"),
+        ("--merge --policies fbe", 2, "need a --config FILE"),
+        ("--merge --replace", 2, "cannot be used with"),
         ("--config nowhere.toml", 1, "cannot read the configuration nowhere.toml"),
         ("--config bench.toml --shard 0/2", 2, "I from 1 to N"),
         ("--config bench.toml --shard 3/2", 2, "I from 1 to N"),
@@ -540,6 +561,11 @@ fn a_bench_that_cannot_be_says_why() {
     }
     for (from, to, says) in [
         ("name = 'random'", "name = 'fbe'", "two rows are called fbe"),
+        (
+            "policy = 'nbp'\ncheckpoint = 'net'\nset = { policy.blocking_pixels = 1 }",
+            "policy = 'scone'\ncheckpoint = 'views'\nobstacle_checkpoint = 'net'",
+            "row net: policy scone asks for no obstacle map",
+        ),
         ("policy = 'nbp'", "policy = 'nbv'", "row net: no policy is called `nbv`"),
         ("checkpoint = 'net'", "", "row net: policy nbp needs a network: give its checkpoint (--checkpoint net=DIR)"),
         ("blocking_pixels = 1", "blocking_pixel = 1", "row net: set policy.blocking_pixel: there is no blocking_pixel"),

@@ -330,7 +330,12 @@ impl DataConfig {
             return wrong(format!("data set {set}: steps are missing or 0 (steps = 100, or --steps {set}=100)"));
         }
         check_count(&format!("data set {set}: steps"), self.steps, MOST_STEPS)?;
+        let chooses = !self.only.is_empty() || self.drop_last > 0 || self.last.is_some();
         match &self.generate {
+            Some(_) if chooses => wrong(format!(
+                "data set {set} has only, last or drop_last beside generate: they choose among paths, count and seed say which \
+                 maps are generated"
+            )),
             Some(_) if !self.paths.is_empty() => wrong(format!("data set {set} has both generate and paths: take one")),
             Some(generate) => Ok(check_count(&format!("data set {set}: generate.count"), generate.count, MOST_MAPS)?),
             None if self.paths.is_empty() => {
@@ -441,6 +446,9 @@ mod tests {
         assert!(parse("count = 2", "count = 0").contains("data set simple: generate.count is 0"));
         assert!(parse("seeds = 5", "seeds = 0").contains("row chance: seeds is 0"));
         for (from, to, says) in [
+            ("steps = 10", "steps = 10\nlast = 1", "data set simple has only, last or drop_last beside generate"),
+            ("steps = 10", "steps = 10\nonly = ['a']", "data set simple has only, last or drop_last beside generate"),
+            ("steps = 10", "steps = 10\ndrop_last = 1", "data set simple has only, last or drop_last beside generate"),
             ("seeds = 5", "seeds = 1000000000000", "row chance: seeds is 1000000000000: it must be at most 10000"),
             (
                 "steps = 10",

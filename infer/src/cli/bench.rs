@@ -4,6 +4,7 @@ use super::output::Output;
 use super::overrides;
 use super::setup;
 use super::talk::Talk;
+use super::usage;
 use anyhow::{Context, Result, bail};
 use nbp_dataset::SceneBundle;
 use nbp_env::explain::show;
@@ -15,7 +16,7 @@ use nbp_infer::bench::run::{self, Measures, Place, Runner};
 use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
-use nbp_infer::{Settings, checkpoint, report, source};
+use nbp_infer::{PolicyKind, Settings, checkpoint, report, source};
 use nbp_model::DeviceChoice;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -86,7 +87,7 @@ pub(super) struct Args {
     #[arg(long)]
     merge: bool,
     /// Compute again what OUT has of other settings, scenes, networks or programs
-    #[arg(long)]
+    #[arg(long, conflicts_with = "merge")]
     replace: bool,
 }
 
@@ -130,6 +131,9 @@ where
 }
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
+    if args.config.is_empty() && args.choices() != Choices::default() {
+        usage("--merge without --config takes the bench as it is: options that change it need a --config FILE");
+    }
     let out = Output::prepare(&args.out)?;
     if args.config.is_empty() {
         return publish(&out, talk);
@@ -215,6 +219,9 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
         }
         if !kind.needs_network() && checkpoints.iter().any(|path| path.is_some()) {
             bail!("policy {kind} asks no network: leave the checkpoint out");
+        }
+        if row.obstacle_checkpoint.is_some() && kind.architecture() != PolicyKind::Nbp.architecture() {
+            bail!("policy {kind} asks for no obstacle map: leave obstacle_checkpoint out");
         }
         let (mut settings, mut trained, mut weights) = (Settings::default(), Vec::new(), Vec::new());
         for (number, path) in checkpoints.into_iter().flatten().enumerate() {

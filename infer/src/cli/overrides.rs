@@ -74,13 +74,16 @@ pub(super) fn assignments(key: &str, value: &toml::Value) -> Result<Vec<String>>
     }
     match value {
         toml::Value::Table(table) if !table.contains_key("kind") && !table.contains_key("rule") => {
-            let below = |(name, value): (&String, &toml::Value)| {
-                assignments(&if key.is_empty() { name.clone() } else { format!("{key}.{name}") }, value)
-            };
+            let below = |(name, value): (&String, &toml::Value)| assignments(&below(key, name), value);
             Ok(table.iter().map(below).collect::<Result<Vec<_>>>()?.concat())
         }
         value => Ok(vec![format!("{key}={}", serde_json::to_value(value)?)]),
     }
+}
+
+/// The key of a value in the table of another.
+fn below(key: &str, name: &str) -> String {
+    if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") }
 }
 
 /// The same settings with every default written down, so that the next override finds its key.
@@ -96,7 +99,7 @@ fn spelt_out(tree: Value) -> Result<Value> {
 fn not_finite(key: &str, value: &toml::Value) -> Option<String> {
     match value {
         toml::Value::Float(number) if !number.is_finite() => Some(key.to_owned()),
-        toml::Value::Table(table) => table.iter().find_map(|(name, value)| not_finite(&format!("{key}.{name}"), value)),
+        toml::Value::Table(table) => table.iter().find_map(|(name, value)| not_finite(&below(key, name), value)),
         _ => None,
     }
 }
@@ -105,10 +108,9 @@ fn not_finite(key: &str, value: &toml::Value) -> Option<String> {
 fn too_large(key: &str, given: &Value, read: &Value) -> Option<(String, f64)> {
     match (given, read) {
         (Value::Number(number), Value::Null) => Some((key.to_owned(), number.as_f64()?)),
-        (Value::Object(given), Value::Object(read)) => given.iter().find_map(|(name, value)| {
-            let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
-            too_large(&key, value, read.get(name)?)
-        }),
+        (Value::Object(given), Value::Object(read)) => {
+            given.iter().find_map(|(name, value)| too_large(&below(key, name), value, read.get(name)?))
+        }
         _ => None,
     }
 }
@@ -160,6 +162,9 @@ mod tests {
         assert!(message("sim.keep=many").contains("--set sim.keep=many"));
         assert!(message("sim.keep=7").contains("sim.keep is 7"));
         assert!(message("sim.keep.x=7").contains("plain value"));
+        let row = toml::toml! { nbv.carving = nan };
+        let error = assignments("", &toml::Value::Table(row)).unwrap_err().to_string();
+        assert_eq!(error, "nbv.carving must be a finite number");
         assert!(message("sim.camera.hfov_degrees=1e39").contains("sim.camera.hfov_degrees is 1e39"));
     }
 

@@ -80,6 +80,10 @@ impl Args {
             usage("--obstacle-threshold must be a probability, 0 to 1");
         }
         let checkpoints = self.by_architecture()?;
+        let has_maps = PolicyKind::Nbp.architecture().is_some_and(|nbp| checkpoints.contains_key(nbp));
+        if self.obstacle_checkpoint.is_some() && !has_maps {
+            bail!("--obstacle-checkpoint is for nbp alone, of which there is no --checkpoint");
+        }
         let (mut trained, mut base, mut nbv) = (None, None, BTreeMap::new());
         for (architecture, path) in &checkpoints {
             let (maps, its) = checkpoint::read_as(architecture, path).context("cannot use the checkpoint")?;
