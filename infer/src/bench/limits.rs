@@ -114,13 +114,14 @@ mod tests {
     #[test]
     fn what_makes_no_bench_is_not_read_as_one() {
         let dir = tempfile::tempdir().unwrap();
-        let message = |change: fn(&mut Manifest)| {
+        type Change = fn(&mut Manifest);
+        let message = |change: Change| {
             let mut about = manifest();
             change(&mut about);
             about.write(dir.path()).unwrap();
             Manifest::read(dir.path()).unwrap_err().to_string()
         };
-        let cases: [(fn(&mut Manifest), &str); 10] = [
+        let cases: [(Change, &str); 10] = [
             (|m| m.reference = "nbp".into(), "the reference nbp is no row"),
             (|m| m.rows[1].name = "fbe".into(), "two rows are called fbe"),
             (|m| m.rows[1].seeds = 1_000_000, "seeds of row random is 1000000"),
