@@ -116,7 +116,8 @@ struct Work<'a> {
     sites: BTreeMap<Place, Mutex<Site>>,
 }
 
-/// Computes the files of `open`. `worlds` has the scenes that they are of, `runners` the rows, in their order. `on_steps` is called with the number of steps of each episode that ends.
+/// Computes the files of `open`. `worlds` has the scenes that they are of, `runners` the rows, in their order. `on_steps` is called
+/// with the number of steps of each episode that ends.
 ///
 /// # Errors
 /// When a cell cannot be written or an episode fails; episodes that are under way finish, cells that are done stay.
