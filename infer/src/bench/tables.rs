@@ -48,7 +48,7 @@ fn heading(result: &BenchResult, summary: &SetSummary) -> String {
     let SetSummary { set, scenes, steps, reference, .. } = summary;
     format!(
         "{set}: {steps} steps, scenes: {scenes}, starts of each: up to {starts}; Δ: difference to {reference}, mean over scenes \
-         and 95 % of a paired bootstrap"
+         and 95 % of a paired bootstrap; p: Fisher's randomisation test over scenes, not corrected for the number of comparisons"
     )
 }
 
