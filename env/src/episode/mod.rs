@@ -1,5 +1,6 @@
 //! One episode: an agent in a world, a number of steps, and what it has seen.
 
+mod released;
 mod walk;
 
 use crate::coverage::{Counting, Coverage};
@@ -12,6 +13,7 @@ use crate::predict::EncoderInput;
 use crate::seed::SeedTree;
 use crate::sensor::{Camera, Frame};
 use crate::world::{StartError, World};
+use released::Released;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -107,21 +109,6 @@ pub struct Episode {
     path_length: f32,
 }
 
-/// A second curve, see [`Episode::count_as_released`].
-struct Released {
-    every: usize,
-    curve: Vec<f32>,
-}
-
-impl Released {
-    /// On a straight line to `share`, the last of `len` values.
-    fn go_on(&mut self, share: f32, len: usize) {
-        let (from, last) = (self.curve.len(), self.curve.last().copied().unwrap_or(share));
-        let steps = (len - from) as f32;
-        self.curve.extend((1..=len - from).map(|step| last + (share - last) * (step as f32 / steps)));
-    }
-}
-
 /// How a frame was taken: enough to take it again.
 #[derive(Clone, Copy)]
 struct Shot {
@@ -210,13 +197,6 @@ impl Episode {
         episode.capture(&pose, 0);
         episode.arrive();
         episode
-    }
-
-    /// Keeps a second curve, [`Episode::released_curve`], as the released code counts coverage ([`Counting::AsReleased`]): at the
-    /// start, where it is to be called, in every so many steps and in the last one, on a straight line between. Nothing else
-    /// depends on it. To count takes a sample of the cloud: late in a long episode some 5 ms, as much as all else in three steps.
-    pub fn count_as_released(&mut self, every: usize) {
-        self.released = Some(Released { every: every.max(1), curve: vec![self.share_as_released()] });
     }
 
     /// Performs an action. After the horizon nothing happens any more.
@@ -328,12 +308,6 @@ impl Episode {
         &self.curve
     }
 
-    /// Covered share as the released code counts it at the start and after each step up to the last one that was counted, see
-    /// [`Episode::count_as_released`].
-    pub fn released_curve(&self) -> Option<&[f32]> {
-        self.released.as_ref().map(|released| &released.curve[..])
-    }
-
     /// Covered points after the start and after each step.
     pub fn covered(&self) -> &[usize] {
         &self.covered
@@ -353,9 +327,8 @@ impl Episode {
     pub fn memory_bytes(&self) -> usize {
         let frame =
             self.frame.depth.capacity() * size_of::<f32>() + self.frame.colour.capacity() * size_of::<[u8; 3]>();
-        let released = self.released.as_ref().map_or(0, |released| released.curve.capacity());
-        let curves =
-            (self.curve.capacity() + released) * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
+        let released = self.released.as_ref().map_or(0, Released::bytes);
+        let curves = released + self.curve.capacity() * size_of::<f32>() + self.covered.capacity() * size_of::<usize>();
         let track = self.track.capacity() * size_of::<Pose>();
         let shots = self.shots.capacity() * size_of::<Shot>();
         let coverage = self.coverage.bytes() + self.recount.as_ref().map_or(0, Coverage::bytes);
@@ -371,23 +344,7 @@ impl Episode {
         };
         self.curve.push(covered as f32 / self.world.surface().len() as f32);
         self.covered.push(covered);
-        let is_counted =
-            |released: &mut Released| self.step.is_multiple_of(released.every) || self.step == self.horizon;
-        if let Some(mut released) = self.released.take_if(is_counted) {
-            released.go_on(self.share_as_released(), self.curve.len());
-            self.released = Some(released);
-        }
-    }
-
-    fn covered_as_released(&mut self) -> usize {
-        let surface = self.world.surface();
-        let mut rng = self.sampling.child("step", self.step as u64).rng();
-        let sample = self.map.cloud().sample(&mut rng, 2 * surface.len());
-        self.recount.get_or_insert_with(|| Coverage::new(surface)).glance(surface, &sample).len()
-    }
-
-    fn share_as_released(&mut self) -> f32 {
-        self.covered_as_released() as f32 / self.world.surface().len() as f32
+        self.count_on();
     }
 
     fn share(&self) -> f32 {
@@ -434,7 +391,6 @@ impl Frames for Episode {
 mod tests {
     use super::*;
     use crate::config::SimConfig;
-    use crate::coverage::CoverageConfig;
     use crate::map::Cloud;
     use crate::scene::Scene;
     use crate::sensor::Colour;
@@ -487,51 +443,6 @@ mod tests {
             "it came from -z, which is below"
         );
         assert!(input.channel(2).iter().any(|&c| c > 0));
-    }
-
-    #[test]
-    fn both_ways_of_counting_fit_in_one_episode() {
-        let released = CoverageConfig { counting: Counting::AsReleased, points: 300, ..CoverageConfig::default() };
-        let exact = CoverageConfig { counting: Counting::Exact, ..released };
-        let [both, alone] = [exact, released].map(|coverage| {
-            let world = World::new(Scene::two_rooms(), &SimConfig { coverage, ..SimConfig::default() }).unwrap();
-            let mut episode = Episode::new(Arc::new(world), start(1, 2), 5, SeedTree::new(1)).unwrap();
-            if coverage.counting == Counting::Exact {
-                episode.count_as_released(1);
-            }
-            for heading in [3, 6, 1, 4, 7] {
-                episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
-            }
-            episode
-        });
-        assert_eq!((both.released_curve().unwrap(), alone.released_curve()), (alone.curve(), None));
-        assert_ne!(both.curve(), alone.curve());
-    }
-
-    #[test]
-    fn counted_now_and_then_it_is_the_same_there_and_a_line_between() {
-        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
-        let [each, third] = [1, 3].map(|every| {
-            let mut episode = Episode::new(Arc::clone(&world), start(1, 2), 5, SeedTree::new(1)).unwrap();
-            episode.count_as_released(every);
-            for heading in [3, 6, 1, 4, 7] {
-                episode.step(Action { direction: Some(Direction::PlusX), heading: Heading::new(heading) });
-            }
-            episode.released_curve().unwrap().to_vec()
-        });
-        let line = |a: f32, b: f32, t: f32| a + (b - a) * t;
-        let expected = [
-            each[0],
-            line(each[0], each[3], 1.0 / 3.0),
-            line(each[0], each[3], 2.0 / 3.0),
-            each[3],
-            line(each[3], each[5], 0.5),
-            each[5],
-        ];
-        assert!(
-            third.len() == 6 && third.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6),
-            "{third:?} {expected:?}"
-        );
     }
 
     #[test]
@@ -596,21 +507,5 @@ mod tests {
         view.look_again(2, &mut |camera, pose, frame| points.extend(frame.points(camera.at(pose))));
         assert_eq!((view.cloud().frames(), episode.bumps()), (1 + 3 * 4, 0));
         assert!(view.cloud().of_frames(2).eq(points.iter().copied()) && points.len() > 100_000);
-    }
-
-    #[test]
-    fn the_released_counting_reads_lower() {
-        let mut config = SimConfig::default();
-        let mut last = |counting| {
-            config.coverage = CoverageConfig { points: 500, counting, ..config.coverage };
-            let world = Arc::new(World::new(Scene::two_rooms(), &config).unwrap());
-            let mut episode = Episode::new(world, start(1, 2), 8, SeedTree::new(2)).unwrap();
-            for heading in (1..=8).map(Heading::new) {
-                episode.step(Action { direction: None, heading });
-            }
-            episode.curve()[8]
-        };
-        let (exact, released) = (last(Counting::Exact), last(Counting::AsReleased));
-        assert!(released < exact && released > 0.7 * exact, "{released} {exact}");
     }
 }

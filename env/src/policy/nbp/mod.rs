@@ -332,7 +332,6 @@ mod tests {
     use crate::check::check_policy;
     use crate::config::SimConfig;
     use crate::episode::Episode;
-    use crate::policy::oracle::OracleLooks;
     use crate::policy::tests::explore;
     use crate::predict::{ObstacleMap, PredictError, ValueMap};
     use crate::scene::Scene;
@@ -505,92 +504,5 @@ mod tests {
         }
         let error = NbpConfig { observed_within: Some(-1.0), ..released }.validate().unwrap_err().to_string();
         assert!(error.contains("observed_within is -1: it must be a number that is not negative"), "{error}");
-    }
-
-    /// Promises so much for looks from some nodes, and sees no walls.
-    struct Treasures(Vec<(Node, f32)>);
-
-    impl Predictor for Treasures {
-        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
-            let lattice = *Scene::two_rooms().lattice();
-            let answer = |input: &EncoderInput| {
-                let (pixels, size) = (input.size(), input.size() / 4);
-                let mut gain = vec![0.0; 8 * size * size];
-                for &(node, promise) in &self.0 {
-                    let (row, col) = input.window.value_cell(lattice.position(node)).unwrap();
-                    (0..8).for_each(|heading| gain[(heading * size + row) * size + col] = promise);
-                }
-                let obstacle = ObstacleMap { size: pixels, probability: vec![0.0; pixels * pixels] };
-                Prediction { value: ValueMap { size, gain }, obstacle }
-            };
-            Ok(inputs.iter().map(answer).collect())
-        }
-    }
-
-    #[test]
-    fn what_looking_around_promises_is_worth_its_way() {
-        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
-        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
-        let (near, far) = (Node { i: 0, k: 3 }, Node { i: 7, k: 5 });
-        let first = |promises: [f32; 2], discount| {
-            let treasures = Treasures(vec![(near, promises[0]), (far, promises[1])]);
-            let (goals, replan) = (Goals::Surroundings, Replan::EveryStep);
-            let config = NbpConfig { goals, replan, discount, ..NbpConfig::default() };
-            let passability = Passability::Truth(Arc::clone(&world));
-            let mut policy = Nbp::new(Arc::new(treasures), config, passability, Trajectory::KeyPoses);
-            let episode = explore(&world, &mut policy, start, 60);
-            let at = |node| episode.view().history().iter().position(|pose| pose.node == node);
-            // All eight looks of both are taken in the end.
-            let looks = |node| {
-                Heading::all().filter(|&heading| episode.view().visits(LatticePose { node, heading }) > 0).count()
-            };
-            assert_eq!((looks(near), looks(far)), (8, 8));
-            if at(near) < at(far) { near } else { far }
-        };
-        assert_eq!(first([1.0, 1.1], 0.9), near);
-        assert_eq!(first([1.0, 9.0], 0.9), far);
-        assert_eq!(first([1.0, 9.0], 0.5), near);
-    }
-
-    #[test]
-    fn looks_at_what_is_known_count_for_nothing() {
-        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
-        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
-        let episode = explore(&world, &mut crate::policy::fbe::Fbe::default(), start, 40);
-        let everywhere = world.scene().graph().largest_component().iter().map(|&node| (node, 1.0)).collect();
-        let planned = |unseen_only, episode: &Episode| {
-            let config =
-                NbpConfig { goals: Goals::Surroundings, unseen_only, fuse_observed: true, ..NbpConfig::default() };
-            let treasures = Treasures(Vec::clone(&everywhere));
-            let mut policy = Nbp::new(Arc::new(treasures), config, Passability::Predicted, Trajectory::KeyPoses);
-            policy.act(&episode.view(), &mut SeedTree::new(1).rng()).unwrap();
-            policy.plan().is_some_and(|plan| !plan.path.is_empty())
-        };
-        assert!(episode.curve()[40] > 0.97 && planned(false, &episode));
-        assert!(!planned(true, &episode));
-        assert!(planned(true, &Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap()));
-    }
-
-    #[test]
-    fn true_gains_of_looks_lead_through_the_house_faster_than_frontiers() {
-        let camera = crate::sensor::Camera { width: 112, height: 64, ..Default::default() };
-        let world = World::new(Scene::two_rooms(), &SimConfig { camera, ..SimConfig::default() });
-        let world = Arc::new(world.unwrap());
-        let config = NbpConfig {
-            goals: Goals::Surroundings,
-            replan: Replan::EveryStep,
-            fuse_observed: true,
-            ..NbpConfig::default()
-        };
-        let nbp = |predictor| Nbp::new(predictor, config, Passability::Predicted, Trajectory::KeyPoses);
-        let mut oracle = OracleLooks::new(Arc::new(Treasures(Vec::new())), Arc::clone(&world), nbp);
-        let area = |episode: &Episode| episode.curve().iter().sum::<f32>();
-        let (mut looking, mut frontiers) = (0.0, 0.0);
-        for &start in world.scene().starts() {
-            looking += area(&explore(&world, &mut oracle, start, 20));
-            frontiers += area(&explore(&world, &mut crate::policy::fbe::Fbe::default(), start, 20));
-        }
-        assert!(looking > 1.03 * frontiers, "{looking} {frontiers}");
-        assert_eq!(check_policy(&mut oracle, &world), []);
     }
 }
