@@ -115,7 +115,9 @@ fn trajectory(
             path.drain(..path.len() - 1);
         }
         episode.step(action);
-        path.push(waypoint(&episode));
+        if config.labels != LabelKind::Looks {
+            path.push(waypoint(&episode));
+        }
     }
     let last = Instant::now();
     samples.extend(cut(&path, config.labels, world));
@@ -154,7 +156,7 @@ fn look_around(episode: &Episode) -> PackedSample {
 
 /// One sample for each pose of a path but its last.
 fn cut(path: &[Waypoint], labels: LabelKind, world: &World) -> Vec<PackedSample> {
-    let last = if labels == LabelKind::Looks { 0 } else { path.len().saturating_sub(1) };
+    let last = path.len().saturating_sub(1);
     path[..last]
         .iter()
         .enumerate()
@@ -236,6 +238,33 @@ mod tests {
             assert!(alone.iter().zip(&together).all(|(a, b)| a.samples == b.samples), "batch {batch}");
             assert!(alone.iter().zip(&together).all(|(a, b)| a.thought() == b.thought()), "batch {batch}");
         }
+    }
+
+    #[test]
+    fn looks_are_labelled_now_and_then_and_shrink_as_the_house_is_seen() {
+        let mut sim = SimConfig::default();
+        sim.encode.window.pixels = 64;
+        let world = Arc::new(World::new(Scene::two_rooms(), &sim).unwrap());
+        let labels = LabelKind::Looks;
+        let config = CollectConfig { steps: 30, enough: 1.0, labels, every: 4, ..CollectConfig::default() };
+        let of = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let worlds = [Arc::clone(&world)];
+            let predictor: Arc<dyn Predictor> = Arc::new(Flat);
+            pool.install(|| trajectories(&worlds, &predictor, &config, 2, SeedTree::new(4), |_| ()).unwrap().0)
+        };
+        let (one, two) = (of(1), of(2));
+        let folder = tempfile::tempdir().unwrap();
+        let mut memory = Memory::open(&folder.path().join("memory.bin")).unwrap();
+        for (a, b) in one.iter().zip(&two) {
+            assert_eq!(a.samples, b.samples);
+            assert_eq!(a.samples.iter().map(|sample| sample.step).collect::<Vec<_>>(), [0, 4, 8, 12, 16, 20, 24, 28]);
+        }
+        memory.append(0, &one[0].samples).unwrap();
+        let left = |n| memory.get(n).unwrap().labels.iter().map(|label| f64::from(label.gain)).sum::<f64>();
+        let left: Vec<f64> = (0..8).map(left).collect();
+        assert!(left.is_sorted_by(|a, b| a >= b) && left[7] < 0.5 * left[0], "{left:?}");
+        assert_eq!(memory.get(0).unwrap().labels.len(), 8 * world.scene().lattice().len());
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub(super) struct Args {
     /// Scene folders, OBJ files, WADs, single maps as FILE.wad:MAP01, or folders of these
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     scenes: Vec<String>,
-    /// Policies to compare: random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-greedy,
+    /// Policies to compare: random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks, oracle-greedy,
     /// oracle-beam [default: the configuration's, else random,fbe, and those that the checkpoints are of]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     policies: Vec<PolicyKind>,

@@ -19,7 +19,7 @@ pub(super) struct Args {
     /// OBJ file, scene folder, WAD with one map, or one map of a WAD as FILE.wad:MAP01
     #[arg(long, value_name = "PATH")]
     scene: String,
-    /// random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-greedy or oracle-beam
+    /// random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks, oracle-greedy or oracle-beam
     #[arg(long, default_value_t = PolicyKind::Nbp, value_name = "NAME")]
     policy: PolicyKind,
     /// Which of the scene's start poses, from 0
