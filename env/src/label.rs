@@ -1,6 +1,6 @@
 //! Training samples: the coverage gain of every sub-path of an executed path (paper, section 4.3), or of a look from anywhere.
 
-use crate::pose::{Heading, Lattice, LatticePose};
+use crate::pose::{Heading, Lattice, LatticePose, Node};
 use crate::predict::EncoderInput;
 use crate::visibility::PointSet;
 use crate::window::Window;
@@ -16,7 +16,7 @@ pub struct ValueLabel {
     pub row: usize,
     /// Cell of the value map.
     pub col: usize,
-    /// Percent points of the ground-truth surface; of looks, ares of it.
+    /// Percent points of the ground-truth surface; of looks, the square root of ares of it.
     pub gain: f32,
 }
 
@@ -59,7 +59,8 @@ pub enum LabelKind {
     Goals,
     /// All that follow but the goal, by what was covered before their frames (released code).
     AsReleased,
-    /// No path: every pose of the window, by what a look from there would add now, see [`look_labels`].
+    /// No path: every pose of the window within sight ([`MapView::is_within_sight`](crate::map::MapView::is_within_sight)), by what a look
+    /// from there would add now, see [`look_labels`].
     Looks,
 }
 
@@ -94,20 +95,25 @@ pub fn value_labels(
         .collect()
 }
 
-/// What a look from every lattice pose that a window shows would add to `covered`, in ares (100 m²) of surface; nothing where
-/// nobody can stand. The gain of a next best view, for all poses at once: a step gives thousands of labels, where a walked
-/// path gives as many as it has poses.
-pub fn look_labels(world: &World, covered: &PointSet, window: &Window) -> Vec<ValueLabel> {
+/// What a look from every lattice pose that a window shows, of nodes that are asked about, would add to `covered`: the square root
+/// of ares (100 m²) of surface, so that little is told from nothing; nothing where nobody can stand. The gain of a next best view,
+/// for all poses at once: a step gives hundreds of labels, where a walked path gives as many as it has poses.
+pub fn look_labels(
+    world: &World,
+    covered: &PointSet,
+    window: &Window,
+    is_asked: impl Fn(Node) -> bool,
+) -> Vec<ValueLabel> {
     let (scene, glimpses) = (world.scene(), world.glimpses());
     let (lattice, per_point) = (scene.lattice(), 0.01 * world.area() / world.surface().len().max(1) as f32);
-    let nodes = (0..lattice.len()).map(|index| lattice.node(index));
+    let nodes = (0..lattice.len()).map(|index| lattice.node(index)).filter(|&node| is_asked(node));
     let cells = nodes.filter_map(|node| Some((node, window.value_cell(lattice.position(node))?)));
     cells
         .flat_map(|(node, (row, col))| {
             let is_free = scene.graph().largest_component().binary_search(&node).is_ok();
             Heading::all().map(move |heading| {
                 let gain = if is_free { glimpses.gain(LatticePose { node, heading }, covered) } else { 0 };
-                ValueLabel { heading, row, col, gain: per_point * gain as f32 }
+                ValueLabel { heading, row, col, gain: (per_point * gain as f32).sqrt() }
             })
         })
         .collect()
@@ -117,7 +123,6 @@ pub fn look_labels(world: &World, covered: &PointSet, window: &Window) -> Vec<Va
 mod tests {
     use super::*;
     use crate::config::SimConfig;
-    use crate::pose::Node;
     use crate::scene::Scene;
     use crate::sensor::Camera;
     use crate::window::WindowSize;
@@ -165,16 +170,17 @@ mod tests {
             let is_meant = |label: &&ValueLabel| (label.row, label.col, label.heading) == (row, col, pose.heading);
             labels.iter().find(is_meant).unwrap().gain
         };
-        let labels = look_labels(&world, &covered, &window);
+        let labels = look_labels(&world, &covered, &window, |_| true);
         assert_eq!(labels.len(), 8 * lattice.len(), "the window shows both rooms");
-        assert!((of_pose(&labels) - 0.01 * world.area() * gain as f32 / world.surface().len() as f32).abs() < 1e-6);
+        let ares = 0.01 * world.area() * gain as f32 / world.surface().len() as f32;
+        assert!((of_pose(&labels).powi(2) - ares).abs() < 1e-5);
         let found = |labels: &[ValueLabel]| labels.iter().filter(|label| label.gain > 0.0).count();
         assert!(found(&labels) > 6 * free.len() && found(&labels) <= 8 * free.len(), "{}", found(&labels));
         glimpses.cover(pose, &mut covered);
-        assert_eq!(of_pose(&look_labels(&world, &covered, &window)), 0.0);
+        assert_eq!(of_pose(&look_labels(&world, &covered, &window, |_| true)), 0.0);
         for pose in free.iter().flat_map(|&node| Heading::all().map(move |heading| LatticePose { node, heading })) {
             glimpses.cover(pose, &mut covered);
         }
-        assert_eq!(found(&look_labels(&world, &covered, &window)), 0);
+        assert_eq!(found(&look_labels(&world, &covered, &window, |_| true)), 0);
     }
 }

@@ -9,6 +9,7 @@ use nbp_env::encode::Trajectory;
 use nbp_env::nbv::NbvConfig;
 use nbp_env::policy::nbp::NbpConfig;
 use nbp_env::policy::search::SearchConfig;
+use nbp_model::config::ARCHITECTURE;
 use nbp_model::scone::SconePredictor;
 use nbp_model::weights::scone::{self, Baseline, SconeDescription};
 use nbp_model::weights::{self, CONFIG_FILE, WEIGHTS_FILE, WeightsError};
@@ -25,6 +26,9 @@ pub const POLICY: &str = "policy";
 
 /// Key of the next-best-view baselines' settings in a checkpoint's `meta`.
 pub const NBV: &str = "nbv";
+
+/// What stands for a network that comes with the repository.
+pub const PUBLISHED: &str = "published";
 
 /// Obstacle threshold of the released code.
 const RELEASED_THRESHOLD: f32 = 0.13;
@@ -112,7 +116,14 @@ pub enum CheckpointError {
     },
 }
 
-/// The folder of a checkpoint, given the folder itself or its `model.safetensors`.
+/// The folder of the network of an architecture that comes with the repository, seen from here or where the program was built.
+pub fn published(architecture: &str) -> PathBuf {
+    let of = |root: &Path| root.join("runs").join(PUBLISHED).join(architecture);
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(""));
+    [Path::new(""), built_in].map(of).into_iter().find(|dir| dir.is_dir()).unwrap_or_else(|| of(Path::new("")))
+}
+
+/// The folder of a checkpoint, given the folder itself, its `model.safetensors` or [`PUBLISHED`].
 ///
 /// # Errors
 /// When neither is there.
@@ -128,6 +139,7 @@ pub fn folder(path: &Path) -> Result<PathBuf, CheckpointError> {
     }
     let name = path.file_name().unwrap_or_default();
     match path.extension().and_then(|extension| extension.to_str()) {
+        _ if !path.exists() && name == PUBLISHED => folder(&published(ARCHITECTURE)),
         _ if !path.exists() => refuse("there is no such file or folder".into()),
         _ if name == WEIGHTS_FILE || name == CONFIG_FILE => {
             let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
@@ -236,7 +248,7 @@ pub fn check(config: &CheckpointConfig, sim: &SimConfig) -> Result<(), Checkpoin
     let (trained, found) = (config.window, sim.encode.window);
     let pairs = [
         ("a window of", window(trained.pixels, trained.metres), window(found.pixels, found.metres)),
-        ("this number of layers:", config.net.layers().to_string(), sim.encode.layers.count.to_string()),
+        ("this number of input channels:", config.net.in_channels.to_string(), sim.encode.channels().to_string()),
     ];
     match pairs.into_iter().find(|(_, trained, found)| trained != found) {
         Some((what, trained, found)) => Err(CheckpointError::Mismatch { what, trained, found }),

@@ -85,9 +85,8 @@ fn decide(
     trial: Trial,
 ) -> Result<(Action, Vec<LatticePose>), PolicyError> {
     let world = episode.world();
-    let trajectory = world.config().encode.trajectory;
     let passability = Passability::in_inference(&config, world);
-    let mut policy = Nbp::new(Arc::clone(predictor), config, passability, trajectory);
+    let mut policy = Nbp::new(Arc::clone(predictor), config, passability);
     let mut rng = trial.seeds(world.scene().name()).child("decision", episode.steps() as u64).rng();
     let action = policy.act(&episode.view(), &mut rng)?;
     Ok((action, policy.plan().map(|plan| plan.path.clone()).unwrap_or_default()))

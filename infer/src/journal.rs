@@ -50,7 +50,9 @@ impl Fingerprints {
         let settings = match kind {
             PolicyKind::OracleBeam => &self.search,
             PolicyKind::Scone | PolicyKind::Macarons => &self.nbv,
-            PolicyKind::Nbp | PolicyKind::OracleObstacles | PolicyKind::OracleLooks => &self.network,
+            PolicyKind::Nbp | PolicyKind::OracleObstacles | PolicyKind::OracleLooks | PolicyKind::OracleMaps => {
+                &self.network
+            }
             PolicyKind::Random | PolicyKind::RandomNbv | PolicyKind::OracleGreedy => &self.blind,
             PolicyKind::Fbe | PolicyKind::FbeGain | PolicyKind::FbeTsp => &self.blind,
         };

@@ -38,6 +38,8 @@ pub enum PolicyKind {
     OracleObstacles,
     /// The true gains of looks, on the network's obstacle map.
     OracleLooks,
+    /// Both: what is left is the fault of neither map.
+    OracleMaps,
     /// One step ahead on the true gains, and the best place for what comes after.
     OracleGreedy,
     /// The same, ten steps ahead.
@@ -119,7 +121,7 @@ pub enum RegistryError {
 
 impl PolicyKind {
     /// All policies, baselines first.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Random,
         Self::RandomNbv,
         Self::Fbe,
@@ -130,6 +132,7 @@ impl PolicyKind {
         Self::Nbp,
         Self::OracleObstacles,
         Self::OracleLooks,
+        Self::OracleMaps,
         Self::OracleGreedy,
         Self::OracleBeam,
     ];
@@ -147,6 +150,7 @@ impl PolicyKind {
             Self::Nbp => "nbp",
             Self::OracleObstacles => "oracle-obstacles",
             Self::OracleLooks => "oracle-looks",
+            Self::OracleMaps => "oracle-maps",
             Self::OracleGreedy => "oracle-greedy",
             Self::OracleBeam => "oracle-beam",
         }
@@ -164,13 +168,16 @@ impl PolicyKind {
 
     /// Whether it is told of the true map.
     pub fn knows_map(self) -> bool {
-        matches!(self, Self::OracleObstacles | Self::OracleLooks | Self::OracleGreedy | Self::OracleBeam)
+        matches!(
+            self,
+            Self::OracleObstacles | Self::OracleLooks | Self::OracleMaps | Self::OracleGreedy | Self::OracleBeam
+        )
     }
 
     /// The architecture of the checkpoint that it needs, if any.
     pub fn architecture(self) -> Option<&'static str> {
         match self {
-            Self::Nbp | Self::OracleObstacles | Self::OracleLooks => Some("nbp"),
+            Self::Nbp | Self::OracleObstacles | Self::OracleLooks | Self::OracleMaps => Some("nbp"),
             Self::Scone => Some("scone"),
             Self::Macarons => Some("macarons"),
             _ => None,
@@ -201,7 +208,7 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
     let network = || context.predictor.clone().ok_or(RegistryError::NeedsNetwork(kind));
     let nbp = |predictor: Arc<dyn Predictor>| {
         let passability = Passability::in_inference(&context.nbp, world);
-        Nbp::new(predictor, context.nbp, passability, world.config().encode.trajectory)
+        Nbp::new(predictor, context.nbp, passability)
     };
     let nbv = |networks: &Option<NbvNetworks>| {
         let NbvNetworks { predictor, config } = networks.clone().ok_or(RegistryError::NeedsNetwork(kind))?;
@@ -225,6 +232,10 @@ pub fn build(kind: PolicyKind, context: &PolicyContext, world: &Arc<World>) -> R
         PolicyKind::OracleObstacles => {
             let oracle = OracleObstacles::new(network()?, Arc::clone(world));
             Box::new(Named { kind, inner: nbp(Arc::new(oracle)) })
+        }
+        PolicyKind::OracleMaps => {
+            let obstacles = Arc::new(OracleObstacles::new(network()?, Arc::clone(world)));
+            Box::new(Named { kind, inner: OracleLooks::new(obstacles, Arc::clone(world), nbp) })
         }
     })
 }

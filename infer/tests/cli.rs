@@ -108,6 +108,23 @@ fn a_network_walks_and_shows_its_plans() {
 }
 
 #[test]
+fn policies_without_a_checkpoint_have_the_published_networks() {
+    let dir = tempfile::tempdir().unwrap();
+    write_scenes(dir.path());
+    let told =
+        succeeds(dir.path(), "eval --scenes scenes --policies nbp,scone,macarons --steps 2 --starts 1 --out all");
+    assert_eq!(told.lines().count(), 4, "{told}");
+    let rows = |args: &str, out: &str| {
+        succeeds(dir.path(), &format!("eval --scenes scenes --policies nbp --steps 3 --starts 1 {args} --out {out}"));
+        json(&dir.path().join(out).join("summary.json"))
+    };
+    let published = rows("--checkpoint published", "named");
+    assert_eq!(rows("", "unnamed")[0]["auc_mean"], published[0]["auc_mean"]);
+    write_checkpoint(dir.path());
+    assert_ne!(rows("--checkpoint net", "mine")[0]["auc_mean"], published[0]["auc_mean"]);
+}
+
+#[test]
 fn an_evaluation_goes_on_where_it_stopped() {
     let dir = tempfile::tempdir().unwrap();
     write_scenes(dir.path());
@@ -240,7 +257,11 @@ fn bad_input_is_an_error_that_says_what_to_do() {
     for (args, code, says) in [
         ("", 2, "Usage"),
         ("rollout --scene scenes/a --out o --policy greedy", 2, "scone, macarons, nbp, oracle-obstacles"),
-        ("rollout --scene scenes/a --out o --policy nbp", 2, "give --checkpoint DIR"),
+        (
+            "rollout --scene scenes/a --out o --policy nbp --checkpoint views",
+            2,
+            "give --checkpoint DIR of nbp, not of scone",
+        ),
         ("rollout --scene scenes/a --out o --policy fbe --device gpu", 2, "auto, flex"),
         ("rollout --scene scenes/a --out o --policy fbe --start 99", 1, "5 start poses"),
         ("rollout --scene scenes/a --out file --policy fbe", 1, "it is a file, not a folder"),
@@ -262,7 +283,6 @@ fn bad_input_is_an_error_that_says_what_to_do() {
             "--obstacle-checkpoint is for nbp alone",
         ),
         ("eval --scenes net --out o", 1, "holds no scene"),
-        ("eval --scenes scenes --out o --policies random,nbp", 2, "policy nbp needs a network"),
         ("eval --scenes scenes --out o --steps 1000000000000", 2, "at most 100000"),
         ("eval --scenes scenes --out o --seeds 0", 2, "not in 1..=10000"),
         ("speed --scenes nowhere", 1, "there is no nowhere"),
@@ -567,7 +587,6 @@ fn a_bench_that_cannot_be_says_why() {
             "row net: policy scone asks for no obstacle map",
         ),
         ("policy = 'nbp'", "policy = 'nbv'", "row net: no policy is called `nbv`"),
-        ("checkpoint = 'net'", "", "row net: policy nbp needs a network: give its checkpoint (--checkpoint net=DIR)"),
         ("blocking_pixels = 1", "blocking_pixel = 1", "row net: set policy.blocking_pixel: there is no blocking_pixel"),
         ("blocking_pixels = 1", "blocking_pixels = 0", "row net: policy: blocking_pixels is 0"),
         (

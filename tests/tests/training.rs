@@ -26,9 +26,14 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
     for policy in ["random", "fbe", "nbp"] {
         assert!(table.contains(policy), "{table}");
     }
-    for file in
-        ["config.toml", "metrics.jsonl", "eval/summary.json", "eval/episodes.csv", "checkpoints/best/config.json"]
-    {
+    for file in [
+        "config.toml",
+        "metrics.jsonl",
+        "learning-curve.csv",
+        "eval/summary.json",
+        "eval/episodes.csv",
+        "checkpoints/best/config.json",
+    ] {
         assert!(run_folder.join(file).is_file(), "{file}");
     }
     let metrics = fs::read_to_string(run_folder.join("metrics.jsonl")).unwrap();
@@ -39,6 +44,7 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
         "train/learning_rate",
         "validation/obstacle_bce",
         "collect/coverage_mean",
+        "walks/auc",
         "time/network",
         "time_total/simulator",
     ] {
@@ -57,6 +63,38 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
         serde_json::from_slice(&fs::read(run_folder.join("eval/summary.json")).unwrap()).unwrap();
     assert_eq!(rows.as_array().unwrap().len(), 3);
     assert!(rows[2]["auc_mean"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn values_of_looks_are_learnt_and_walks_choose_the_best_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let run_folder = folder.path().join("run");
+    let settings = [
+        "scenes.train.level=mixed",
+        "sim.encode.occupancy=true",
+        "collect.labels=looks",
+        "collect.policy.goals=surroundings",
+        "policy.goals=surroundings",
+        "policy.replan=every-step",
+        "train.schedule=cosine",
+        "train.iterations=3",
+    ];
+    let table = train(&run_folder, &settings.map(|setting| ["--set", setting]).concat());
+    assert!(table.contains("nbp"), "{table}");
+    let curve = fs::read_to_string(run_folder.join("learning-curve.csv")).unwrap();
+    let rows: Vec<Vec<f64>> =
+        curve.lines().skip(1).map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 3, "{curve}");
+    assert!(rows.is_sorted_by(|a, b| (0..4).all(|column| a[column] < b[column] || column == 3)), "{curve}");
+    let auc: Vec<f64> = rows.iter().map(|row| row[5]).collect();
+    let is_last_best = auc[2] > auc[0].max(auc[1]);
+    assert_eq!(weights(&run_folder, "best") == weights(&run_folder, "last"), is_last_best, "{curve}");
+    let metrics = fs::read_to_string(run_folder.join("metrics.jsonl")).unwrap();
+    let rates: Vec<f64> = metrics
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["train/learning_rate"].as_f64())
+        .collect();
+    assert!(rates.is_sorted_by(|a, b| a > b) && rates[0] == 1e-3 && rates[rates.len() - 1] < 2e-4, "{rates:?}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use crate::clock::Spent;
 use crate::plateau::Plateau;
 use crate::step::Learner;
 use crate::validate::Validation;
+use crate::walk::Walks;
 use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::ModuleRecord;
@@ -41,6 +42,9 @@ pub struct Progress {
     pub plateau: Plateau,
     /// The last validation.
     pub validation: Option<Validation>,
+    /// The learning curve, where there are validation maps.
+    #[serde(default)]
+    pub curve: Vec<Walks>,
     /// Seconds of work so far, by what they were spent on.
     #[serde(alias = "seconds", deserialize_with = "spent")]
     pub spent: Spent,
@@ -61,6 +65,7 @@ impl Progress {
             held_out: 0,
             plateau: Plateau::new(lr),
             validation: None,
+            curve: Vec::new(),
             spent: Spent::default(),
             done: false,
         }

@@ -17,7 +17,7 @@ pub struct Spent {
     pub network: f64,
     /// Predictions for the policies of a collection.
     pub inference: f64,
-    /// The rest of a collection: frames, maps, inputs, plans.
+    /// The rest of a collection: frames, maps, inputs, plans; and validation walks as a whole.
     pub simulator: f64,
     /// Labelling, packing and writing samples, waiting for them, checkpoints and the log.
     pub io: f64,
@@ -108,6 +108,11 @@ impl Clock {
     /// Reading or writing took so long.
     pub fn io(&mut self, time: Duration) {
         self.spent.io += time.as_secs_f64();
+    }
+
+    /// Validation walks took so long.
+    pub fn walks(&mut self, time: Duration) {
+        self.spent.simulator += time.as_secs_f64();
     }
 
     /// A collection took so long, in which its threads did this.

@@ -65,11 +65,18 @@ pub struct ScenesConfig {
     pub train: SceneSet,
     /// Maps that are never learnt from, for the final table (paper: 30 a level).
     pub held_out: SceneSet,
+    /// Maps that are never learnt from, walked once after every iteration: the best weights are those that cover most, soonest.
+    /// None by default: the best are those with the least loss (released code).
+    pub validation: SceneSet,
 }
 
 impl Default for ScenesConfig {
     fn default() -> Self {
-        Self { train: SceneSet::generated(70, 1), held_out: SceneSet::generated(30, 1_000_001) }
+        Self {
+            train: SceneSet::generated(70, 1),
+            held_out: SceneSet::generated(30, 1_000_001),
+            validation: SceneSet::default(),
+        }
     }
 }
 
@@ -77,7 +84,7 @@ impl Default for ScenesConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneSet {
-    /// Level of generated maps: `simple`, `normal`, `hard`, `insane`.
+    /// Level of generated maps: `simple`, `normal`, `hard`, `insane`; or `mixed`, one of each in turn.
     pub level: String,
     /// Number of generated maps; of `paths`, the first so many (0: all).
     pub count: usize,
@@ -94,11 +101,26 @@ impl SceneSet {
 }
 
 impl SceneSet {
+    /// Whether there are no maps in it.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0 && self.paths.is_empty()
+    }
+
+    /// Levels of generated maps, which take turns.
+    ///
+    /// # Errors
+    /// Naming the levels that there are.
+    pub fn levels(&self) -> Result<Vec<Level>, String> {
+        if self.level == "mixed" { Ok(Level::ALL.to_vec()) } else { self.level.parse().map(|level| vec![level]) }
+    }
+
     /// Whether both sets generate a map of the same level and seed.
     fn overlaps(&self, other: &Self) -> bool {
         let seeds = |set: &Self| set.seed..set.seed.saturating_add(set.count as u64);
         let (a, b) = (seeds(self), seeds(other));
-        let are_generated = self.paths.is_empty() && other.paths.is_empty() && self.level == other.level;
+        let levels = |set: &Self| set.levels().unwrap_or_default();
+        let is_shared = levels(self).iter().any(|level| levels(other).contains(level));
+        let are_generated = self.paths.is_empty() && other.paths.is_empty() && is_shared;
         are_generated && a.start < b.end && b.start < a.end
     }
 }
@@ -203,6 +225,9 @@ pub struct TrainConfig {
     pub validation: usize,
     /// At most this share of the first iteration's samples.
     pub validation_share: f32,
+    /// How the learning rate falls: `plateau` (released code), by the next two settings, or `cosine`, from `optim.lr` down to nothing at
+    /// the end of the last iteration.
+    pub schedule: Schedule,
     /// Learning rate × `plateau_factor` after `plateau_patience` epochs without a better validation loss.
     pub plateau_factor: f64,
     /// See `plateau_factor` (released code: 2).
@@ -225,12 +250,24 @@ impl Default for TrainConfig {
             augment: false,
             validation: 1000,
             validation_share: 0.1,
+            schedule: Schedule::Plateau,
             plateau_factor: 0.1,
             plateau_patience: 2,
             early_stop: 25,
             checkpoint_minutes: 5.0,
         }
     }
+}
+
+/// How the learning rate falls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Schedule {
+    /// Where the validation loss does not fall any more.
+    #[default]
+    Plateau,
+    /// As half a wave, over the whole run.
+    Cosine,
 }
 
 /// The final table.
@@ -317,8 +354,8 @@ impl Config {
         self.policy.validate().map_err(|e| schema(format!("policy: {e}")))?;
         self.collect.policy.validate().map_err(|e| schema(format!("collect.policy: {e}")))?;
         self.net_config().check().map_err(|e| schema(e.to_string()))?;
-        for set in [&self.scenes.train, &self.scenes.held_out] {
-            set.level.parse::<Level>().map_err(|reason| schema(format!("scenes: {reason}")))?;
+        for set in [&self.scenes.train, &self.scenes.held_out, &self.scenes.validation] {
+            set.levels().map_err(|reason| schema(format!("scenes: {reason}")))?;
         }
         let train = &self.train;
         let is_share = |v: f32| (0.0..=1.0).contains(&v);
@@ -379,6 +416,13 @@ impl Config {
                 "scenes.held_out",
                 "empty".into(),
                 "a count of generated maps or paths of scenes",
+            ),
+            (
+                !self.scenes.validation.overlaps(&self.scenes.train)
+                    && !self.scenes.validation.overlaps(&self.scenes.held_out),
+                "scenes.validation.seed",
+                self.scenes.validation.seed.to_string(),
+                "chosen so that no validation map is a training or a held-out map",
             ),
             (
                 !self.scenes.train.overlaps(&self.scenes.held_out),
@@ -569,6 +613,10 @@ mod tests {
         assert!(message(&[], &["train.batch=0"]).contains("train.batch is 0"));
         assert!(message(&[], &["train.checkpoint_minutes=inf"]).contains("checkpoint_minutes"));
         assert!(message(&[], &["scenes.held_out.seed=5"]).contains("no held-out map"));
+        let validation = ["scenes.validation.count=4", "scenes.validation.level=mixed", "scenes.validation.seed=60"];
+        assert!(message(&[], &validation).contains("scenes.validation.seed is 60"));
+        assert!(load(&[], &[&validation[..], &["scenes.train.level=hard", "scenes.train.count=50"]].concat()).is_ok());
+        assert!(message(&[], &["scenes.train.level=mixt"]).contains("mixt"));
         assert!(message(&[], &["policy.blocking_pixels=0"]).contains("blocking_pixels"));
         assert!(message(&[], &["sim.encode.window.pixels=100"]).contains("window.pixels"));
         assert!(Config::load(&["nowhere.toml".into()], &[]).unwrap_err().to_string().contains("nowhere.toml"));

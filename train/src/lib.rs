@@ -1,7 +1,7 @@
 //! Algorithm 1 of the paper: collect with the current model, remember, train on new and replayed samples, repeat.
 //!
 //! [`run`] is the loop; everything else is one of its verbs: [`scenes`] → [`collect`] → [`memory`] → [`curriculum`] →
-//! [`step`] → [`validate`] → [`checkpoint`], seen through [`log`].
+//! [`step`] → [`validate`] → [`walk`] → [`checkpoint`], seen through [`log`].
 
 pub mod config;
 pub mod scenes;
@@ -15,6 +15,7 @@ pub mod augment;
 pub mod plateau;
 pub mod step;
 pub mod validate;
+pub mod walk;
 
 pub mod recipe;
 

@@ -155,6 +155,10 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
     // What is only needed at the end must not fail then.
     scenes::load(&config.scenes.held_out, &config.sim, "held-out scenes", Bars::Quiet)?;
     let worlds = scenes::load(&config.scenes.train, &config.sim, "training scenes", bars)?;
+    let validation = match config.scenes.validation.is_empty() {
+        true => Vec::new(),
+        false => scenes::load(&config.scenes.validation, &config.sim, "validation scenes", bars)?,
+    };
     let open = |name: &str, count: usize| -> Result<Memory> {
         let mut memory = Memory::open(&folder.join("memory").join(name))?;
         memory.truncate(count)?;
@@ -169,6 +173,7 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
         folder: folder.clone(),
         config: config.clone(),
         worlds,
+        validation,
         learner,
         progress,
         log,

@@ -4,11 +4,12 @@ use crate::ahead::{Ahead, ahead};
 use crate::checkpoint::{self, Progress};
 use crate::clock::Clock;
 use crate::collect::CollectError;
-use crate::config::Config;
+use crate::config::{Config, Schedule};
 use crate::log::Log;
 use crate::memory::Memory;
 use crate::plateau::Verdict;
 use crate::step::{self, Learner, StepError};
+use crate::walk::{self, Walks};
 use crate::{collect, curriculum, interrupt, report, validate};
 use anyhow::{Context as _, Result, bail};
 use nbp_env::{Predictor, SeedTree, World};
@@ -26,6 +27,8 @@ pub struct Session {
     pub folder: PathBuf,
     /// Training scenes.
     pub worlds: Vec<Arc<World>>,
+    /// Scenes that are walked after every iteration; none: the loss decides which weights are best.
+    pub validation: Vec<Arc<World>>,
     /// Replay memory.
     pub memory: Memory,
     /// Samples kept out for validation.
@@ -91,6 +94,9 @@ impl Session {
             }
             (self.progress.iteration, self.progress.epoch, self.progress.collected) = (iteration + 1, 0, false);
             self.progress.done |= self.progress.iteration == train.iterations;
+            if !self.validation.is_empty() {
+                verdict = self.walk()?;
+            }
             if self.progress.done && self.progress.steps == 0 {
                 bail!(
                     "no sample was ever admitted, so nothing was learnt: collect.steps must exceed curriculum.easy_step, \
@@ -172,14 +178,14 @@ impl Session {
             for group in left {
                 let begun = Instant::now();
                 let count = group.len().div_ceil(batch);
-                let values =
-                    self.learner.step(batches.by_ref(), count, self.config.train.tasks, self.progress.plateau.lr)?;
+                let lr = self.learning_rate(groups.len());
+                let values = self.learner.step(batches.by_ref(), count, self.config.train.tasks, lr)?;
                 let (took, waited) = (begun.elapsed(), batches.waited());
                 self.clock.network(took.saturating_sub(waited));
                 self.clock.io(waited);
                 self.progress.step_of_epoch += 1;
                 self.progress.steps = self.learner.steps;
-                self.log_step(&values, group.len() as f64 / took.as_secs_f64());
+                self.log_step(&values, lr, group.len() as f64 / took.as_secs_f64());
                 bar.advance(format!("value {:.3}, obstacle {:.3}", values.mse, values.bce));
                 if interrupt::asked() {
                     return Ok(Outcome::Interrupted);
@@ -240,17 +246,57 @@ impl Session {
         }
         self.log.flush();
         self.clock.io(begun.elapsed());
+        Ok(if verdict == Verdict::Better && !self.validation.is_empty() { Verdict::Wait } else { verdict })
+    }
+
+    /// Walks through the validation scenes with the current model: better if more is covered, sooner, than ever before.
+    fn walk(&mut self) -> Result<Verdict> {
+        let begun = Instant::now();
+        let [coverage, auc] = walk::walk(&self.validation, Arc::new(self.predictor()), &self.config, self.log.bars)?;
+        self.clock.walks(begun.elapsed());
+        let best = self.progress.curve.iter().map(|walks| walks.auc).fold(f64::NEG_INFINITY, f64::max);
+        let walks = Walks {
+            iteration: self.progress.iteration,
+            steps: self.progress.steps,
+            samples: self.memory.len(),
+            seconds: self.clock.total().wall,
+            coverage,
+            auc,
+        };
+        self.progress.curve.push(walks);
+        self.log.scalars(walks.steps, &[("walks/coverage".into(), coverage), ("walks/auc".into(), auc)]);
+        let verdict = if auc > best { Verdict::Better } else { Verdict::Wait };
+        tracing::info!(
+            "iteration {}: validation walks cover {:.1} %, area under the curve {auc:.3}{}",
+            walks.iteration,
+            100.0 * coverage,
+            if verdict == Verdict::Better { " (best so far)" } else { "" }
+        );
+        walk::write_curve(&self.folder, &self.progress.curve).context("writing learning-curve.csv")?;
         Ok(verdict)
     }
 
-    fn log_step(&mut self, values: &LossValues, samples_per_second: f64) {
+    /// Of the next step, in an epoch of `steps`.
+    fn learning_rate(&self, steps: usize) -> f64 {
+        let (train, at) = (&self.config.train, &self.progress);
+        match train.schedule {
+            Schedule::Plateau => at.plateau.lr,
+            Schedule::Cosine => {
+                let epochs = at.epoch as f64 + at.step_of_epoch as f64 / steps.max(1) as f64;
+                let done = (at.iteration as f64 + epochs / train.epochs as f64) / train.iterations as f64;
+                self.config.optim.lr * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())
+            }
+        }
+    }
+
+    fn log_step(&mut self, values: &LossValues, lr: f64, samples_per_second: f64) {
         let scalars = [
             ("train/total", f64::from(values.total)),
             ("train/value_mse", f64::from(values.mse)),
             ("train/obstacle_bce", f64::from(values.bce)),
             ("train/sigma_value", f64::from(values.sigma[0])),
             ("train/sigma_obstacle", f64::from(values.sigma[1])),
-            ("train/learning_rate", self.progress.plateau.lr),
+            ("train/learning_rate", lr),
             ("speed/samples_per_second", samples_per_second),
         ];
         self.log.scalars(self.progress.steps, &scalars.map(|(name, value)| (name.to_string(), value)));

@@ -23,10 +23,10 @@ pub fn load(set: &SceneSet, sim: &SimConfig, what: &str, bars: Bars) -> Result<V
 }
 
 fn generated(set: &SceneSet, what: &str, bars: Bars) -> Result<Vec<Scene>> {
-    let level: Level = set.level.parse().map_err(|reason: String| anyhow!("{what}: {reason}"))?;
-    let seeds: Vec<u64> = (0..set.count as u64).map(|n| set.seed + n).collect();
-    let bar = bars.start(what, seeds.len());
-    let scenes = try_map(&seeds, |&seed| -> Result<Scene> {
+    let levels = set.levels().map_err(|reason| anyhow!("{what}: {reason}"))?;
+    let maps: Vec<(Level, u64)> = levels.into_iter().cycle().zip(set.seed..).take(set.count).collect();
+    let bar = bars.start(what, maps.len());
+    let scenes = try_map(&maps, |&(level, seed)| -> Result<Scene> {
         let map =
             generate(level, seed).with_context(|| format!("generating the {} map of seed {seed}", level.name()))?;
         bar.advance(map.scene.name.clone());

@@ -270,7 +270,7 @@ impl Episode {
 
     /// The network's input at the current pose.
     pub fn encode(&self) -> EncoderInput {
-        encode(&self.view(), self.world.config().encode.trajectory)
+        encode(&self.view())
     }
 
     /// The world it takes place in.

@@ -12,7 +12,7 @@ pub use kept::Kept;
 pub use occupancy::{Cell, OccupancyGrid};
 
 use crate::encode::EncodeConfig;
-use crate::pose::{Lattice, LatticePose, Node, Pose};
+use crate::pose::{Direction, Lattice, LatticePose, Node, Pose};
 use crate::sensor::{Camera, Frame};
 use crate::window::WindowSize;
 use glam::Vec3;
@@ -22,7 +22,7 @@ use std::fmt;
 /// The agent's memory of one episode.
 #[derive(Debug, Clone)]
 pub struct AgentMap {
-    window: WindowSize,
+    encode: EncodeConfig,
     density: DensityGrid,
     occupancy: OccupancyGrid,
     cloud: Cloud,
@@ -38,7 +38,7 @@ impl AgentMap {
     /// Nothing known yet.
     pub fn new(encode: &EncodeConfig, floor: f32) -> Self {
         Self {
-            window: encode.window,
+            encode: *encode,
             density: DensityGrid::new(encode.input(), encode.layers, floor),
             occupancy: OccupancyGrid::default(),
             cloud: Cloud::default(),
@@ -155,12 +155,30 @@ impl<'a> MapView<'a> {
 
     /// Size and range of what the network answers; the density has that of its input.
     pub fn window_size(&self) -> WindowSize {
-        self.map.window
+        self.map.encode.window
+    }
+
+    /// What the network's input shows.
+    pub fn encode_config(&self) -> &'a EncodeConfig {
+        &self.map.encode
     }
 
     /// Known cells of the camera plane.
     pub fn occupancy(&self) -> &'a OccupancyGrid {
         &self.map.occupancy
+    }
+
+    /// Whether a node is known to be free, or one step from such a one without a wall seen between: from where the agent can
+    /// hope to look.
+    pub fn is_within_sight(&self, node: Node) -> bool {
+        let at = |node| self.lattice.position(node);
+        let cell = |node| self.occupancy().get(OccupancyGrid::cell_of(at(node)));
+        let opens = |near| cell(near) == Cell::Free && !self.occupancy().is_wall_between(at(near), at(node));
+        match cell(node) {
+            Cell::Free => true,
+            Cell::Occupied => false,
+            Cell::Unknown => Direction::ALL.into_iter().any(|direction| opens(node.step(direction))),
+        }
     }
 
     /// Poses at the end of every step so far, the start first, the current pose last.
@@ -217,5 +235,41 @@ impl<'a> MapView<'a> {
     /// Steps given.
     pub fn horizon(&self) -> usize {
         self.horizon
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config::SimConfig;
+    use crate::episode::{Action, Episode};
+    use crate::pose::{Heading, LatticePose, Node};
+    use crate::scene::Scene;
+    use crate::seed::SeedTree;
+    use crate::world::World;
+    use std::sync::Arc;
+
+    #[test]
+    fn what_is_within_sight_grows_up_to_the_walls() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(0) };
+        let mut episode = Episode::new(Arc::clone(&world), start, 8, SeedTree::new(1)).unwrap();
+        let within = |episode: &Episode| {
+            let lattice = *world.scene().lattice();
+            let nodes = (0..lattice.len()).map(|index| lattice.node(index));
+            nodes.filter(|&node| episode.view().is_within_sight(node)).collect::<Vec<_>>()
+        };
+        let first = within(&episode);
+        let (ahead, behind) = (Node { i: 1, k: 3 }, Node { i: 1, k: -1 });
+        assert!(first.contains(&ahead) && !first.contains(&behind));
+        for heading in [2, 4, 6] {
+            episode.step(Action { direction: None, heading: Heading::new(heading) });
+        }
+        let all = within(&episode);
+        assert!(first.iter().all(|node| all.contains(node)) && all.len() > first.len());
+        // The first room, and of the second what the door shows.
+        let free = world.scene().graph().largest_component();
+        let (near, far): (Vec<Node>, Vec<Node>) = free.iter().partition(|node| node.i < 4);
+        assert!(near.iter().filter(|node| all.contains(node)).count() > near.len() / 2);
+        assert!(far.iter().any(|node| all.contains(node)) && !far.iter().all(|node| all.contains(node)), "{all:?}");
     }
 }

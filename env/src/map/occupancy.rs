@@ -6,6 +6,7 @@
 use super::grid::{WorldGrid, cell_of, cells_between};
 use crate::pose::Pose;
 use crate::sensor::{Camera, Frame};
+use crate::window::Window;
 use glam::Vec3;
 
 /// What is known of a cell.
@@ -48,6 +49,31 @@ impl OccupancyGrid {
     /// Lowest cell and number of cells along `x` and `z`.
     pub fn extent(&self) -> ([i32; 2], [usize; 2]) {
         self.cells.extent()
+    }
+
+    /// Counts the free and the occupied cells whose middles lie in each pixel of a window, `S · S` each.
+    pub fn crop(&self, window: &Window, free: &mut [u16], occupied: &mut [u16]) {
+        let side = window.size.pixels;
+        let (low, shape) = self.cells.extent();
+        let columns: Vec<Option<usize>> = (0..shape[0] as i32)
+            .map(|n| {
+                let x = Self::middle([low[0] + n, 0]);
+                window.pixel_of([window.size.world_pixel(x)[0], window.centre[1]]).map(|(_, col)| col)
+            })
+            .collect();
+        for z in low[1]..low[1] + shape[1] as i32 {
+            let pixel = window.size.world_pixel(Self::middle([0, z]));
+            let Some((row, _)) = window.pixel_of([window.centre[0], pixel[1]]) else { continue };
+            let (first, cells) = self.cells.row(z, low[0] + shape[0] as i32 - 1, low[0]);
+            for (x, &cell) in (low[0]..=first).rev().zip(cells) {
+                let Some(col) = columns[(x - low[0]) as usize] else { continue };
+                match cell {
+                    Cell::Unknown => (),
+                    Cell::Free => free[row * side + col] += 1,
+                    Cell::Occupied => occupied[row * side + col] += 1,
+                }
+            }
+        }
     }
 
     /// Memory that it holds, bytes.

@@ -75,7 +75,7 @@ impl Predictor for OracleValues {
         let truth = |input: &EncoderInput| {
             let size = input.size() / VALUE_STRIDE;
             let mut gain = vec![0.0; HEADINGS * size * size];
-            for label in look_labels(&self.world, &covered, &input.window) {
+            for label in look_labels(&self.world, &covered, &input.window, |_| true) {
                 gain[(label.heading.index() * size + label.row) * size + label.col] = label.gain;
             }
             ValueMap { size, gain }

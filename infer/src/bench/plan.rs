@@ -129,6 +129,23 @@ pub fn check_equal_terms(rows: &[Row]) -> Result<(), PlanError> {
     Ok(())
 }
 
+/// What settings say beyond the usual ones, which may have more keys; `None` for nothing. A table that says of which kind it is
+/// counts as a whole.
+fn beyond(usual: &Value, settings: &Value) -> Option<Value> {
+    let is_whole = |table: &serde_json::Map<String, Value>| table.contains_key("kind") || table.contains_key("rule");
+    match (usual, settings) {
+        (Value::Object(usual), Value::Object(settings)) if !is_whole(settings) => {
+            let part = |(key, value): (&String, &Value)| {
+                let said = usual.get(key).map_or_else(|| Some(value.clone()), |usual| beyond(usual, value));
+                said.map(|said| (key.clone(), said))
+            };
+            let parts: serde_json::Map<String, Value> = settings.iter().filter_map(part).collect();
+            (!parts.is_empty()).then(|| parts.into())
+        }
+        _ => (usual != settings).then(|| settings.clone()),
+    }
+}
+
 fn difference(key: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
     match (a, b) {
         (Value::Object(a), Value::Object(b)) => {
@@ -160,21 +177,25 @@ impl Manifest {
         });
         let infos: Vec<RowInfo> = infos.collect::<Result<_, PlanError>>()?;
         let weights: Vec<u64> = rows.iter().map(|row| hash(&row.weights)).collect();
+        // A setting that is new, and at its default changes nothing, leaves what was computed before it in force.
+        let usual = plain(&Settings::default())?;
+        let unusual: Vec<Value> = infos.iter().map(|info| beyond(&usual, &info.settings).unwrap_or_default()).collect();
+        let sim = rows.first().map(|row| plain(&terms_of(&row.settings.sim))).transpose()?;
+        let sim = sim.and_then(|sim| beyond(&usual["sim"], &sim)).unwrap_or_default();
         let Terms { starts, seed, visible, released, .. } = *terms;
         let scene_plan = |set: &DataSet, scene: &Scene| {
             let of_scene = of_scene(scene);
             let starts = scene.starts().len().min(starts);
-            let cell = |(row, weights): (&RowInfo, &u64)| {
-                let RowInfo { name, policy, seeds, settings, .. } = row;
+            let cell = |((row, weights), settings): ((&RowInfo, &u64), &Value)| {
+                let RowInfo { name, policy, seeds, .. } = row;
                 let trial = format!("{starts} {} {seed} {seeds} {released}", set.steps);
                 print(format!("{version} {of_scene:016x} {trial} {name} {policy} {weights:016x} {settings}"))
             };
-            let sim = rows.first().map(|row| terms_of(&row.settings.sim));
             ScenePlan {
                 name: scene.name().to_owned(),
                 starts,
-                fingerprint: print(format!("{version} {of_scene:016x} {sim:?} {visible}")),
-                cells: infos.iter().zip(&weights).map(cell).collect(),
+                fingerprint: print(format!("{version} {of_scene:016x} {sim} {visible}")),
+                cells: infos.iter().zip(&weights).zip(&unusual).map(cell).collect(),
             }
         };
         let set_plan = |set: &DataSet| {
@@ -289,5 +310,25 @@ fn kind_of<T>(found: Found<T>) -> Found<()> {
         Found::Missing => Found::Missing,
         Found::Damaged => Found::Damaged,
         Found::Other => Found::Other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn what_is_usual_is_not_said() {
+        let usual = json!({"sim": {"keep": 0.05, "agent": {"kind": "lattice"}}, "policy": {"new": 1.0, "within": null, "most": 3}});
+        let said = |settings: Value| beyond(&usual, &settings);
+        assert_eq!(said(usual.clone()), None);
+        assert_eq!(said(json!({"sim": {"keep": 0.05}, "policy": {}})), None, "older settings had fewer keys");
+        assert_eq!(
+            said(json!({"policy": {"within": 2.0, "most": null}})),
+            Some(json!({"policy": {"within": 2.0, "most": null}}))
+        );
+        let robot = json!({"kind": "continuous", "step": 0.1});
+        assert_eq!(said(json!({"sim": {"keep": 0.05, "agent": robot}})), Some(json!({"sim": {"agent": robot}})));
     }
 }

@@ -213,10 +213,8 @@ impl Args {
 fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
     let resolve = || {
         let kind = row.kind()?;
-        let checkpoints = [&row.checkpoint, &row.obstacle_checkpoint];
-        if kind.needs_network() && row.checkpoint.is_none() {
-            bail!("policy {kind} needs a network: give its checkpoint (--checkpoint {}=DIR)", row.name);
-        }
+        let checkpoint = row.checkpoint.clone().or_else(|| kind.architecture().map(checkpoint::published));
+        let checkpoints = [&checkpoint, &row.obstacle_checkpoint];
         if !kind.needs_network() && checkpoints.iter().any(|path| path.is_some()) {
             bail!("policy {kind} asks no network: leave the checkpoint out");
         }
@@ -241,7 +239,7 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
         settings.search.validate()?;
         settings.nbv.validate().context("nbv")?;
         trained.iter().try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
-        let (checkpoint, obstacle_checkpoint) = (row.checkpoint.clone(), row.obstacle_checkpoint.clone());
+        let obstacle_checkpoint = row.obstacle_checkpoint.clone();
         Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, checkpoint, obstacle_checkpoint, weights })
     };
     resolve().with_context(|| format!("row {}", row.name))

@@ -21,8 +21,8 @@ pub(super) struct Args {
     /// Scene folders, OBJ files, WADs, single maps as FILE.wad:MAP01, or folders of these
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     scenes: Vec<String>,
-    /// Policies to compare: random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks, oracle-greedy,
-    /// oracle-beam [default: the configuration's, else random,fbe, and those that the checkpoints are of]
+    /// Policies to compare: random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks,
+    /// oracle-maps, oracle-greedy, oracle-beam [default: the configuration's, else random,fbe, and those that the checkpoints are of]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     policies: Vec<PolicyKind>,
     /// Episodes from every start, each with its own seed
@@ -51,18 +51,21 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         usage("--starts must be at least 1");
     }
     let out = Output::prepare(&args.out)?;
-    let read = args.setup.read()?;
     let mut policies = args.policies.clone();
     if policies.is_empty() {
-        policies = read.eval.policies.clone().unwrap_or_else(|| {
-            let blind = [PolicyKind::Random, PolicyKind::Fbe];
-            let networks = [PolicyKind::Scone, PolicyKind::Macarons, PolicyKind::Nbp];
-            blind.into_iter().chain(networks.into_iter().filter(|kind| read.has_network(*kind))).collect()
-        });
+        policies = args.setup.named_in_files()?.unwrap_or_default();
+    }
+    let read = args.setup.read(&policies)?;
+    if policies.is_empty() {
+        let blind = [PolicyKind::Random, PolicyKind::Fbe];
+        let networks = [PolicyKind::Scone, PolicyKind::Macarons, PolicyKind::Nbp];
+        policies = blind.into_iter().chain(networks.into_iter().filter(|kind| read.has_network(*kind))).collect();
     }
     let starts_limit = args.starts.or(read.eval.starts);
     anyhow::ensure!(starts_limit != Some(0), "eval.starts is 0: it must be at least 1");
     let (seeds, seed, batch) = (usize::from(args.seeds), args.setup.seed, usize::from(args.batch));
+    let needs_network = policies.iter().any(|kind| kind.needs_network());
+    let weights = needs_network.then(|| args.setup.weights(&read)).transpose()?;
     let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, batch, talk)?;
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch };
 
@@ -73,10 +76,6 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     bar.finish();
     let scenes = scenes.context("cannot use the scenes")?;
     let worlds = setup::worlds(scenes, &settings, talk)?;
-    let weights = match config.policies.iter().any(|kind| kind.needs_network()) {
-        true => Some(args.setup.weights()?),
-        false => None,
-    };
     let fingerprints = Fingerprints::new(&worlds, &settings, &config, weights.as_deref());
     drop(weights);
     let folder = out.folder().display();

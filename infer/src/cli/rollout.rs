@@ -19,7 +19,8 @@ pub(super) struct Args {
     /// OBJ file, scene folder, WAD with one map, or one map of a WAD as FILE.wad:MAP01
     #[arg(long, value_name = "PATH")]
     scene: String,
-    /// random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks, oracle-greedy or oracle-beam
+    /// random, random-nbv, fbe, fbe-gain, fbe-tsp, scone, macarons, nbp, oracle-obstacles, oracle-looks,
+    /// oracle-maps, oracle-greedy or oracle-beam
     #[arg(long, default_value_t = PolicyKind::Nbp, value_name = "NAME")]
     policy: PolicyKind,
     /// Which of the scene's start poses, from 0
@@ -40,7 +41,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let out = Output::prepare(&args.out)?;
-    let read = args.setup.read()?;
+    let read = args.setup.read(&[args.policy])?;
     let Setup { settings, context, steps } = args.setup.setup(read, &[args.policy], device, 1, talk)?;
     let options = LoadOptions { colour: settings.sim.colour.is_on() };
     let scene = source::load_one(&args.scene, options).context("cannot use the scene")?;

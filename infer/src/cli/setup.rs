@@ -21,6 +21,7 @@ use std::sync::Arc;
 pub(super) struct Args {
     /// Checkpoint folder (model.safetensors and config.json), or its model.safetensors; may be repeated, for policies of
     /// different networks. The simulator's settings of the nbp one, else of the first, hold for every policy
+    /// [default: published, those in runs/published]
     #[arg(long, value_name = "DIR|FILE")]
     pub(super) checkpoint: Vec<PathBuf>,
     /// Take the obstacle map from another checkpoint: networks that learnt one task each
@@ -75,11 +76,13 @@ impl Read {
 
 impl Args {
     /// Settings from checkpoint, files and command line, in this order.
-    pub(super) fn read(&self) -> Result<Read> {
+    ///
+    /// Where no checkpoint is given, `policies` have the published ones.
+    pub(super) fn read(&self, policies: &[PolicyKind]) -> Result<Read> {
         if self.obstacle_threshold.is_some_and(|threshold| !(0.0..=1.0).contains(&threshold)) {
             usage("--obstacle-threshold must be a probability, 0 to 1");
         }
-        let checkpoints = self.by_architecture()?;
+        let checkpoints = self.by_architecture(policies)?;
         let has_maps = PolicyKind::Nbp.architecture().is_some_and(|nbp| checkpoints.contains_key(nbp));
         if self.obstacle_checkpoint.is_some() && !has_maps {
             bail!("--obstacle-checkpoint is for nbp alone, of which there is no --checkpoint");
@@ -91,7 +94,7 @@ impl Args {
             let asked = overrides::apply(&its, &self.config, &self.set)?.0.nbv;
             asked.validate().context("nbv")?;
             nbv.insert(architecture.clone(), asked);
-            if maps.is_some() || base.is_none() && self.checkpoint.first() == Some(path) {
+            if maps.is_some() || base.is_none() && self.checkpoint.first().is_none_or(|first| first == path) {
                 base = Some(its);
             }
             trained = trained.or(maps);
@@ -109,8 +112,8 @@ impl Args {
         Ok(Read { settings, trained, checkpoints, nbv, eval })
     }
 
-    /// The checkpoints by what they hold.
-    fn by_architecture(&self) -> Result<BTreeMap<String, PathBuf>> {
+    /// The checkpoints by what they hold; where none is given, `policies` have the published ones.
+    fn by_architecture(&self, policies: &[PolicyKind]) -> Result<BTreeMap<String, PathBuf>> {
         let mut found = BTreeMap::new();
         for path in &self.checkpoint {
             let architecture = checkpoint::architecture(path).context("cannot use the checkpoint")?;
@@ -119,13 +122,22 @@ impl Args {
                 bail!("{first} and {second} both hold {architecture} networks: give one --checkpoint of each kind");
             }
         }
+        if found.is_empty() {
+            let needed = policies.iter().filter_map(|kind| kind.architecture());
+            found = needed.map(|architecture| (architecture.to_owned(), checkpoint::published(architecture))).collect();
+        }
         Ok(found)
+    }
+
+    /// Policies that the configuration files name.
+    pub(super) fn named_in_files(&self) -> Result<Option<Vec<PolicyKind>>> {
+        Ok(overrides::apply(&Settings::default(), &self.config, &[])?.1.policies)
     }
 
     /// Bytes of all checkpoints: what their networks answer depends on more than weights, and the settings of an evaluation
     /// hold that of one checkpoint only.
-    pub(super) fn weights(&self) -> Result<Vec<u8>> {
-        let all = self.checkpoint.iter().chain(&self.obstacle_checkpoint).map(|path| Ok(checkpoint::bytes(path)?));
+    pub(super) fn weights(&self, read: &Read) -> Result<Vec<u8>> {
+        let all = read.checkpoints.values().chain(&self.obstacle_checkpoint).map(|path| Ok(checkpoint::bytes(path)?));
         Ok(all.collect::<Result<Vec<_>>>()?.concat())
     }
 

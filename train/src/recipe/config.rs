@@ -1,7 +1,6 @@
 //! The configuration of a baseline's training.
 
 use crate::config::{self, ConfigError, SceneSet};
-use nbp_dataset::generate::Level;
 use nbp_env::SimConfig;
 use nbp_env::nbv::{CollectConfig, NbvConfig, Teacher};
 use nbp_infer::checkpoint::Settings;
@@ -130,7 +129,7 @@ impl RecipeConfig {
             return Err(schema(format!("collect.{field} is {value}: it must be {want}")));
         }
         for set in &self.scenes {
-            set.level.parse::<Level>().map_err(|reason| schema(format!("scenes: {reason}")))?;
+            set.levels().map_err(|reason| schema(format!("scenes: {reason}")))?;
         }
         let train = &self.train;
         let counts = [

@@ -1,6 +1,7 @@
 //! Settings of `nbp`. The defaults are the paper's; where the released code has other rules, each of them is a setting.
 
 use crate::goal::GoalRule;
+use crate::policy::DOUBTFUL_PRICE;
 use serde::{Deserialize, Serialize};
 
 /// How the value and obstacle maps become a path.
@@ -15,8 +16,17 @@ pub struct NbpConfig {
     pub replan: Replan,
     /// With `goals = "surroundings"`: what a gain one step later is worth, below 1.
     pub discount: f32,
-    /// With `goals = "surroundings"`: a look counts only if rays of it meet cells that nothing is known of, as a frontier's does.
-    pub unseen_only: bool,
+    /// With `goals = "surroundings"`: what is taken off the promise of a look whose rays meet no cell that nothing is known of, as a
+    /// frontier's do, ares: small promises are noise, and there is always one near.
+    pub seen_penalty: f32,
+    /// With `goals = "surroundings"`: by what share the goal of the last plan is worth more than it promises, 0 or more. Answers
+    /// change from step to step, and who turns around for each of them goes nowhere.
+    pub commitment: f32,
+    /// With `goals = "surroundings"`: share of what was promised before in what is promised now, from 0 to below 1.
+    pub memory: f32,
+    /// With `goals = "surroundings"` and `fuse_observed`: what a move across cells that nothing is known of costs, in steps, at
+    /// least 1 and below 10: behind walls most of them are solid, whatever the network answers.
+    pub unknown_price: f32,
     /// Probability from which a pixel is an obstacle (paper: not given; released code: 0.13).
     pub obstacle_threshold: f32,
     /// Obstacle pixels on a move's segment from which it is blocked (released code: 2 at 256 pixels).
@@ -77,7 +87,10 @@ impl Default for NbpConfig {
             goals: Goals::Poses,
             replan: Replan::OnArrival,
             discount: 0.96,
-            unseen_only: false,
+            seen_penalty: 0.0,
+            commitment: 0.0,
+            memory: 0.0,
+            unknown_price: 1.0,
             obstacle_threshold: 0.5,
             blocking_pixels: 2,
             fuse_observed: false,
@@ -119,14 +132,26 @@ impl NbpConfig {
         if !(self.discount > 0.0 && self.discount < 1.0) {
             return refuse("discount", self.discount.to_string(), "between 0 and 1");
         }
+        if !(self.commitment.is_finite() && self.commitment >= 0.0) {
+            return refuse("commitment", self.commitment.to_string(), "a share that is not negative");
+        }
+        if !(0.0..1.0).contains(&self.memory) {
+            return refuse("memory", self.memory.to_string(), "a share below 1");
+        }
+        if !(1.0..DOUBTFUL_PRICE).contains(&self.unknown_price) {
+            return refuse("unknown_price", self.unknown_price.to_string(), "at least 1 and below 10 steps");
+        }
         if self.blocking_pixels == 0 {
             return refuse("blocking_pixels", "0".into(), "at least 1, or every move is blocked");
         }
         if !(0.0..=1.0).contains(&self.random_heading) {
             return refuse("random_heading", self.random_heading.to_string(), "a probability, 0 to 1");
         }
-        let lengths =
-            [("observed_penalty", self.observed_penalty), ("observed_within", self.observed_within.unwrap_or(0.0))];
+        let lengths = [
+            ("seen_penalty", self.seen_penalty),
+            ("observed_penalty", self.observed_penalty),
+            ("observed_within", self.observed_within.unwrap_or(0.0)),
+        ];
         if let Some((field, value)) = lengths.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
             return refuse(field, value.to_string(), "a number that is not negative");
         }

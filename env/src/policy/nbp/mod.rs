@@ -7,7 +7,7 @@ mod projection;
 pub use config::{Goals, NbpConfig, NbpConfigError, Replan};
 
 use super::{DOUBTFUL_PRICE, Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
-use crate::encode::{Trajectory, encode};
+use crate::encode::encode;
 use crate::episode::Action;
 use crate::goal::{Candidate, GoalRule};
 use crate::map::grid::cells_between;
@@ -49,7 +49,6 @@ pub struct Nbp {
     predictor: Arc<dyn Predictor>,
     config: NbpConfig,
     passability: Passability,
-    trajectory: Trajectory,
     plan: Option<Plan>,
     next: usize,
     /// Moves that a look at the true mesh has ruled out, both ways.
@@ -62,14 +61,9 @@ pub struct Nbp {
 
 impl Nbp {
     /// A policy that plans on what `predictor` answers.
-    pub fn new(
-        predictor: Arc<dyn Predictor>,
-        config: NbpConfig,
-        passability: Passability,
-        trajectory: Trajectory,
-    ) -> Self {
+    pub fn new(predictor: Arc<dyn Predictor>, config: NbpConfig, passability: Passability) -> Self {
         let (closed, refused, projection, outlook) = Default::default();
-        Self { predictor, config, passability, trajectory, plan: None, next: 0, closed, refused, projection, outlook }
+        Self { predictor, config, passability, plan: None, next: 0, closed, refused, projection, outlook }
     }
 
     /// The pose to go to next, if the plan still holds.
@@ -122,11 +116,21 @@ impl Nbp {
         let obstacles = pixels.filter(|&pixel| self.is_obstacle(view, thought, pixel)).count();
         match (obstacles < self.config.blocking_pixels, self.config.fuse_observed) {
             (true, false) => Some(1.0),
-            (true, true) => Some(observed),
+            (true, true) => Some(self.price_of_unknown(view, a, b).max(observed)),
             (false, false) => None,
             // A predicted wall is as doubtful as a seen one: an agent that stands beside a wall is not walled in by it.
             (false, true) => Some(DOUBTFUL_PRICE),
         }
+    }
+
+    /// What a move costs for the cells on it that nothing is known of.
+    fn price_of_unknown(&self, view: &MapView<'_>, a: Node, b: Node) -> f32 {
+        if self.config.goals != Goals::Surroundings || self.config.unknown_price <= 1.0 {
+            return 1.0;
+        }
+        let (from, to) = (view.lattice().position(a), view.lattice().position(b));
+        let mut cells = cells_between(from, to, occupancy::CELL);
+        if cells.any(|cell| view.occupancy().get(cell) == Cell::Unknown) { self.config.unknown_price } else { 1.0 }
     }
 
     /// Whether a world pixel of the window is taken for an obstacle.
@@ -147,7 +151,7 @@ impl Nbp {
     }
 
     fn think(&self, view: &MapView<'_>) -> Result<Thought, PolicyError> {
-        let input = encode(view, self.trajectory);
+        let input = encode(view);
         match self.predictor.predict(std::slice::from_ref(&input))?.pop() {
             Some(prediction) => Ok((input, prediction)),
             None => Err(crate::predict::PredictError::Backend("no answer to one input".into()).into()),
@@ -161,9 +165,9 @@ impl Nbp {
             self.projection.update(view);
         }
         if config.goals == Goals::Surroundings {
-            self.outlook.update(view, &thought);
-            if config.unseen_only {
-                self.outlook.leave_out_seen(view);
+            self.outlook.update(view, &thought, self.config.memory);
+            if config.seen_penalty > 0.0 {
+                self.outlook.doubt_seen(view, config.seen_penalty);
             }
         }
         let (here, mut tried) = (view.pose().node, BTreeSet::new());
@@ -176,7 +180,10 @@ impl Nbp {
                 Some(first) if first != here && !self.is_open_at_a_look(here, first) => {
                     tried.extend(path.last().map(|goal| goal.node));
                 }
-                _ => return Ok(Plan { made_at: view.step(), path, thought: Some(thought) }),
+                _ => {
+                    self.outlook.commit(path.last().map(|goal| goal.node));
+                    return Ok(Plan { made_at: view.step(), path, thought: Some(thought) });
+                }
             }
         }
     }
@@ -184,12 +191,7 @@ impl Nbp {
     /// The path to where looking around promises most; empty where there is nothing left to look at.
     fn look_around(&self, view: &MapView<'_>, thought: &Thought, rng: &mut Rng) -> Vec<LatticePose> {
         let price = |a, b| self.price(view, thought, a, b);
-        let sure = |a, b| price(a, b).filter(|&price| price < DOUBTFUL_PRICE);
-        let path_at = |prices: &mut PriceList<'_>| self.outlook.path(view, prices, self.config.discount);
-        let mut path = path_at(&mut PriceList::new(view.lattice(), sure));
-        if path.is_empty() {
-            path = path_at(&mut PriceList::new(view.lattice(), price));
-        }
+        let mut path = self.outlook.path(view, &mut PriceList::new(view.lattice(), price), &self.config);
         for pose in &mut path {
             if self.config.random_heading > 0.0 && rng.random::<f32>() < self.config.random_heading {
                 pose.heading = Heading::new(rng.random_range(0..HEADINGS));
@@ -358,7 +360,7 @@ mod tests {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
         let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
         let passability = if truth { Passability::Truth(Arc::clone(&world)) } else { Passability::Predicted };
-        let mut policy = Nbp::new(Arc::new(Corner), config, passability, Trajectory::KeyPoses);
+        let mut policy = Nbp::new(Arc::new(Corner), config, passability);
         explore(&world, &mut policy, start, 40)
     }
 
@@ -380,7 +382,7 @@ mod tests {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
         let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
         let passability = Passability::in_inference(&config, &world);
-        let mut policy = Nbp::new(Arc::new(Corner), config, passability, Trajectory::Captures);
+        let mut policy = Nbp::new(Arc::new(Corner), config, passability);
         let mut episode = Episode::new(world, start, steps, SeedTree::new(5)).unwrap();
         let (mut rng, mut plans) = (SeedTree::new(6).rng(), Vec::<Plan>::new());
         while !episode.is_over() {
@@ -452,7 +454,7 @@ mod tests {
         let (start, _) = plans(NbpConfig::default(), 0);
         let view = start.view();
         let config = NbpConfig { observed_penalty: 10.0, observed_within: Some(0.5), ..NbpConfig::default() };
-        let mut policy = Nbp::new(Arc::new(Corner), config, Passability::Predicted, Trajectory::Captures);
+        let mut policy = Nbp::new(Arc::new(Corner), config, Passability::Predicted);
         policy.projection.update(&view);
         let (mut beyond, mut within) = (0, 0);
         for node in (0..view.lattice().len()).map(|index| view.lattice().node(index)) {
@@ -499,7 +501,7 @@ mod tests {
         for config in [released, NbpConfig { oracle_edges: false, replan: Replan::EveryStep, ..released }] {
             assert!(config.validate().is_ok());
             let passability = Passability::in_inference(&config, &world);
-            let mut policy = Nbp::new(Arc::new(Corner), config, passability, Trajectory::Captures);
+            let mut policy = Nbp::new(Arc::new(Corner), config, passability);
             assert_eq!(check_policy(&mut policy, &world), []);
         }
         let error = NbpConfig { observed_within: Some(-1.0), ..released }.validate().unwrap_err().to_string();

@@ -2,11 +2,11 @@
 //!
 //! Answers outlive their window: a room that was left behind is still known to be worth a visit.
 
-use super::Thought;
+use super::{NbpConfig, Thought};
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
 use crate::path::{PriceList, ShortestPaths};
-use crate::pose::{HEADINGS, Heading, LatticePose, Node};
+use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node};
 use glam::Vec3;
 
 /// How far rays look for cells that nothing is known of, metres.
@@ -18,12 +18,14 @@ const RAYS: usize = 3 * HEADINGS;
 /// Unknown cells that the seven rays of a view must meet: where points are few, walls have holes.
 const ENOUGH_CELLS: usize = 8;
 
-/// What the network last promised for a look from each lattice pose, by node; nothing where it was not asked.
+/// What the network last promised for a look from each lattice pose, ares, by node; nothing where it was not asked.
 #[derive(Default)]
 pub(super) struct Outlook {
-    gains: Vec<[f32; HEADINGS]>,
-    /// Looks that meet nothing unknown, in the decision at hand.
-    spent: Vec<[bool; HEADINGS]>,
+    gains: Vec<Option<[f32; HEADINGS]>>,
+    /// What is taken off them in the decision at hand; empty for nothing.
+    doubts: Vec<[f32; HEADINGS]>,
+    /// Goal of the last plan.
+    goal: Option<Node>,
 }
 
 /// A pose one step away, what is found there and what is promised after it.
@@ -36,39 +38,56 @@ struct Step {
 
 impl Outlook {
     /// Takes in what the network answered.
-    pub(super) fn update(&mut self, view: &MapView<'_>, (input, prediction): &Thought) {
+    pub(super) fn update(&mut self, view: &MapView<'_>, (input, prediction): &Thought, memory: f32) {
         let lattice = view.lattice();
-        self.gains.resize(lattice.len(), [0.0; HEADINGS]);
-        for (index, gains) in self.gains.iter_mut().enumerate() {
-            let poses = Heading::all().map(|heading| LatticePose { node: lattice.node(index), heading });
-            for (gain, pose) in gains.iter_mut().zip(poses) {
-                if let Some(answer) = prediction.value.of_pose(&input.window, lattice, pose) {
-                    *gain = answer.max(0.0);
-                }
+        self.gains.resize(lattice.len(), None);
+        for (index, known) in self.gains.iter_mut().enumerate() {
+            let node = lattice.node(index);
+            let Some((row, col)) = input.window.value_cell(lattice.position(node)) else { continue };
+            if !view.is_within_sight(node) {
+                *known = None;
+                continue;
+            }
+            let answers =
+                std::array::from_fn(|heading| prediction.value.at(Heading::new(heading), row, col).max(0.0).powi(2));
+            let gains = known.get_or_insert(answers);
+            for (gain, answer) in gains.iter_mut().zip(answers) {
+                *gain = memory * *gain + (1.0 - memory) * answer;
             }
         }
     }
 
-    /// Leaves out looks that meet nothing unknown.
-    pub(super) fn leave_out_seen(&mut self, view: &MapView<'_>) {
+    /// The plan that was made leads there.
+    pub(super) fn commit(&mut self, goal: Option<Node>) {
+        self.goal = goal;
+    }
+
+    /// Takes `penalty` off what looks promise that meet nothing unknown.
+    pub(super) fn doubt_seen(&mut self, view: &MapView<'_>, penalty: f32) {
         let lattice = view.lattice();
-        self.spent.clear();
-        let spent = self.gains.iter().enumerate().map(|(index, gains)| match gains.iter().any(|&gain| gain > 0.0) {
-            true => meets_unknown(view, lattice.node(index)).map(|cells| cells < ENOUGH_CELLS),
-            false => [true; HEADINGS],
-        });
-        self.spent.extend(spent);
+        let doubts = |(index, gains): (usize, &Option<[f32; HEADINGS]>)| match gains {
+            Some(gains) if gains.iter().any(|&gain| gain > 0.0) => {
+                meets_unknown(view, lattice.node(index)).map(|cells| if cells < ENOUGH_CELLS { penalty } else { 0.0 })
+            }
+            _ => [0.0; HEADINGS],
+        };
+        let doubts: Vec<_> = self.gains.iter().enumerate().map(doubts).collect();
+        self.doubts = doubts;
     }
 
     /// The path to where the best next step leads on; empty if there is none.
-    pub(super) fn path(&self, view: &MapView<'_>, prices: &mut PriceList<'_>, discount: f32) -> Vec<LatticePose> {
+    pub(super) fn path(&self, view: &MapView<'_>, prices: &mut PriceList<'_>, config: &NbpConfig) -> Vec<LatticePose> {
         let here = view.pose().node;
         let paths = prices.paths_from(here);
         let around: Vec<(Node, f32)> = paths.reached().map(|(node, _)| (node, self.around(view, node))).collect();
-        let steps = paths.reached().filter(|&(_, distance)| distance <= 1.0).map(|(node, _)| node);
-        let worth = |node: Node| {
+        let neighbours = Direction::ALL.map(|direction| here.step(direction));
+        let moves =
+            neighbours.map(|node| (node, view.lattice().contains(node).then(|| prices.of(here, node)).flatten()));
+        let steps = moves.into_iter().filter_map(|(node, price)| Some((node, price?))).chain([(here, 1.0)]);
+        let worth = |(node, price): (Node, f32)| {
             let after = if node == here { paths.clone() } else { prices.paths_from(node) };
-            self.step(view, node, &around, &after, discount)
+            let step = self.step(view, node, &around, &after, config)?;
+            Some(Step { worth: config.discount.powf(price - 1.0) * step.worth, ..step })
         };
         let best = steps.filter_map(worth).reduce(|best, step| if step.worth > best.worth { step } else { best });
         let Some(Step { pose, goal, .. }) = best.filter(|best| best.worth > 0.0) else { return Vec::new() };
@@ -84,25 +103,30 @@ impl Outlook {
         node: Node,
         around: &[(Node, f32)],
         after: &ShortestPaths,
-        discount: f32,
+        config: &NbpConfig,
     ) -> Option<Step> {
         let (heading, gain) = self.best(view, node);
         let promise = |&(other, around): &(Node, f32)| {
             // What is looked at now is not found again.
             let rest = if other == node { (around - gain).max(0.0) } else { around };
-            Some((other, discount.powf(after.distance(other)?.max(1.0)) * rest))
+            Some((other, self.commitment(other, config) * config.discount.powf(after.distance(other)?.max(1.0)) * rest))
         };
         let promises = around.iter().filter_map(promise);
         let (goal, promise) = promises.reduce(|best, other| if other.1 > best.1 { other } else { best })?;
-        Some(Step { pose: LatticePose { node, heading }, worth: gain + promise, goal })
+        Some(Step { pose: LatticePose { node, heading }, worth: self.commitment(node, config) * gain + promise, goal })
+    }
+
+    /// How much more a node is worth as the goal of the last plan.
+    fn commitment(&self, node: Node, config: &NbpConfig) -> f32 {
+        if self.goal == Some(node) { 1.0 + config.commitment } else { 1.0 }
     }
 
     /// What a look promises; nothing from where the agent has looked.
     fn gain(&self, view: &MapView<'_>, pose: LatticePose) -> f32 {
         let (index, heading) = (view.lattice().index(pose.node), pose.heading.index());
-        let gain = || self.gains.get(index?).map(|gains| gains[heading]);
-        let is_spent = || index.and_then(|index| self.spent.get(index)).is_some_and(|spent| spent[heading]);
-        if view.visits(pose) > 0 || is_spent() { 0.0 } else { gain().unwrap_or(0.0) }
+        let gain = || self.gains.get(index?)?.map(|gains| gains[heading]);
+        let doubt = || Some(self.doubts.get(index?)?[heading]);
+        if view.visits(pose) > 0 { 0.0 } else { (gain().unwrap_or(0.0) - doubt().unwrap_or(0.0)).max(0.0) }
     }
 
     /// The best of the headings that were not tried yet, or the agent's own.
@@ -143,8 +167,7 @@ mod tests {
     use super::*;
     use crate::check::check_policy;
     use crate::config::SimConfig;
-    use crate::encode::Trajectory;
-    use crate::episode::Episode;
+    use crate::episode::{Action, Episode};
     use crate::policy::Policy as _;
     use crate::policy::oracle::OracleLooks;
     use crate::policy::tests::explore;
@@ -153,6 +176,7 @@ mod tests {
     use crate::seed::SeedTree;
     use crate::world::World;
     use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Promises so much for looks from some nodes, and sees no walls.
     struct Treasures(Vec<(Node, f32)>);
@@ -177,14 +201,14 @@ mod tests {
     #[test]
     fn what_looking_around_promises_is_worth_its_way() {
         let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
-        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
-        let (near, far) = (Node { i: 0, k: 3 }, Node { i: 7, k: 5 });
+        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(1) };
+        let (near, far) = (Node { i: 1, k: 2 }, Node { i: 3, k: 1 });
         let first = |promises: [f32; 2], discount| {
             let treasures = Treasures(vec![(near, promises[0]), (far, promises[1])]);
             let (goals, replan) = (Goals::Surroundings, Replan::EveryStep);
             let config = NbpConfig { goals, replan, discount, ..NbpConfig::default() };
             let passability = Passability::Truth(Arc::clone(&world));
-            let mut policy = Nbp::new(Arc::new(treasures), config, passability, Trajectory::KeyPoses);
+            let mut policy = Nbp::new(Arc::new(treasures), config, passability);
             let episode = explore(&world, &mut policy, start, 60);
             let at = |node| episode.view().history().iter().position(|pose| pose.node == node);
             // All eight looks of both are taken in the end.
@@ -194,9 +218,52 @@ mod tests {
             assert_eq!((looks(near), looks(far)), (8, 8));
             if at(near) < at(far) { near } else { far }
         };
-        assert_eq!(first([1.0, 1.1], 0.9), near);
-        assert_eq!(first([1.0, 9.0], 0.9), far);
-        assert_eq!(first([1.0, 9.0], 0.5), near);
+        assert_eq!(first([1.0, 1.0], 0.9), near);
+        assert_eq!(first([1.0, 1.3], 0.9), far);
+        assert_eq!(first([1.0, 1.3], 0.5), near);
+    }
+
+    /// Promises more at one node and at the other in turn.
+    struct Fickle([Node; 2], AtomicUsize);
+
+    impl Predictor for Fickle {
+        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+            let turn = self.1.fetch_add(1, Ordering::Relaxed) % 2;
+            Treasures(vec![(self.0[turn], 1.2), (self.0[1 - turn], 1.0)]).predict(inputs)
+        }
+    }
+
+    #[test]
+    fn who_is_committed_does_not_turn_back_for_every_promise() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 2, k: 2 }, heading: Heading::new(0) };
+        let places = [Node { i: 0, k: 0 }, Node { i: 3, k: 5 }];
+        let reached = |commitment, memory| {
+            let config = NbpConfig {
+                goals: Goals::Surroundings,
+                replan: Replan::EveryStep,
+                commitment,
+                memory,
+                discount: 0.97,
+                ..NbpConfig::default()
+            };
+            let passability = Passability::Truth(Arc::clone(&world));
+            let fickle = Arc::new(Fickle(places, AtomicUsize::new(0)));
+            let mut policy = Nbp::new(fickle, config, passability);
+            let mut episode = Episode::new(Arc::clone(&world), start, 12, SeedTree::new(5)).unwrap();
+            // Both places are to be known: the agent has turned around.
+            for heading in [2, 4, 6].map(Heading::new) {
+                episode.step(Action { direction: None, heading });
+            }
+            while !episode.is_over() {
+                let action = policy.act(&episode.view(), &mut SeedTree::new(6).rng()).unwrap();
+                episode.step(action);
+            }
+            let at = |node| episode.view().history().iter().any(|pose| pose.node == node);
+            places.map(at).contains(&true)
+        };
+        assert!(!reached(0.0, 0.0));
+        assert!(reached(0.5, 0.0) && reached(0.0, 0.8));
     }
 
     #[test]
@@ -205,17 +272,17 @@ mod tests {
         let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(6) };
         let episode = explore(&world, &mut crate::policy::fbe::Fbe::default(), start, 40);
         let everywhere = world.scene().graph().largest_component().iter().map(|&node| (node, 1.0)).collect();
-        let planned = |unseen_only, episode: &Episode| {
+        let planned = |seen_penalty, episode: &Episode| {
             let config =
-                NbpConfig { goals: Goals::Surroundings, unseen_only, fuse_observed: true, ..NbpConfig::default() };
+                NbpConfig { goals: Goals::Surroundings, seen_penalty, fuse_observed: true, ..NbpConfig::default() };
             let treasures = Treasures(Vec::clone(&everywhere));
-            let mut policy = Nbp::new(Arc::new(treasures), config, Passability::Predicted, Trajectory::KeyPoses);
+            let mut policy = Nbp::new(Arc::new(treasures), config, Passability::Predicted);
             policy.act(&episode.view(), &mut SeedTree::new(1).rng()).unwrap();
             policy.plan().is_some_and(|plan| !plan.path.is_empty())
         };
-        assert!(episode.curve()[40] > 0.97 && planned(false, &episode));
-        assert!(!planned(true, &episode));
-        assert!(planned(true, &Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap()));
+        assert!(episode.curve()[40] > 0.97 && planned(0.0, &episode));
+        assert!(!planned(1.0, &episode));
+        assert!(planned(1.0, &Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap()));
     }
 
     #[test]
@@ -229,7 +296,7 @@ mod tests {
             fuse_observed: true,
             ..NbpConfig::default()
         };
-        let nbp = |predictor| Nbp::new(predictor, config, Passability::Predicted, Trajectory::KeyPoses);
+        let nbp = |predictor| Nbp::new(predictor, config, Passability::Predicted);
         let mut oracle = OracleLooks::new(Arc::new(Treasures(Vec::new())), Arc::clone(&world), nbp);
         let area = |episode: &Episode| episode.curve().iter().sum::<f32>();
         let (mut looking, mut frontiers) = (0.0, 0.0);
