@@ -139,7 +139,7 @@ pub fn folder(path: &Path) -> Result<PathBuf, CheckpointError> {
     }
     let name = path.file_name().unwrap_or_default();
     match path.extension().and_then(|extension| extension.to_str()) {
-        _ if !path.exists() && name == PUBLISHED => folder(&published(ARCHITECTURE)),
+        _ if !path.exists() && path == Path::new(PUBLISHED) => folder(&published(ARCHITECTURE)),
         _ if !path.exists() => refuse("there is no such file or folder".into()),
         _ if name == WEIGHTS_FILE || name == CONFIG_FILE => {
             let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());

@@ -72,10 +72,12 @@ fn values_of_looks_are_learnt_and_walks_choose_the_best_weights() {
     let settings = [
         "scenes.train.level=mixed",
         "sim.encode.occupancy=true",
+        "sim.encode.nodes=true",
         "collect.labels=looks",
         "collect.policy.goals=surroundings",
         "policy.goals=surroundings",
         "policy.replan=every-step",
+        "policy.sweeps=true",
         "train.schedule=cosine",
         "train.iterations=3",
     ];
@@ -95,6 +97,29 @@ fn values_of_looks_are_learnt_and_walks_choose_the_best_weights() {
         .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["train/learning_rate"].as_f64())
         .collect();
     assert!(rates.is_sorted_by(|a, b| a > b) && rates[0] == 1e-3 && rates[rates.len() - 1] < 2e-4, "{rates:?}");
+}
+
+#[test]
+fn a_run_may_begin_with_the_weights_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
+    train(&first, &[]);
+    let init = format!("train.init={}", first.join("checkpoints/last").display());
+    // So small a step moves no weight: all but the running statistics of batch norm stays.
+    let still = ["--set", "optim.lr=1e-30", "--set", "train.iterations=1"];
+    train(&second, &[&still[..], &["--set", &init]].concat());
+    train(&third, &still);
+    let kept = |run: &Path| {
+        let (ours, theirs) = (weights(run, "last"), weights(&first, "last"));
+        let pairs = ours.chunks_exact(4).zip(theirs.chunks_exact(4));
+        pairs.filter(|(ours, theirs)| ours == theirs).count() as f64 / (ours.len() / 4) as f64
+    };
+    assert!(kept(&second) > 0.9 && kept(&third) < 0.5, "{} {}", kept(&second), kept(&third));
+    let run = third.with_file_name("fourth");
+    let other = ["--run", run.to_str().unwrap(), "--set", &init, "--set", "net.base=4"];
+    refuse("train", &[SMOKE, &other].concat(), &["train.init", "base: 2", "base: 4"]);
+    let nowhere = ["--run", run.to_str().unwrap(), "--set", "train.init=nowhere"];
+    refuse("train", &[SMOKE, &nowhere].concat(), &["train.init", "nowhere"]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The training configuration: TOML files stacked left to right, single settings on top.
 
-use nbp_dataset::generate::Level;
+use crate::scenes::ScenesConfig;
 use nbp_env::goal::GoalRule;
 use nbp_env::label::LabelKind;
 use nbp_env::policy::nbp::NbpConfig;
@@ -54,80 +54,6 @@ impl Default for Config {
             policy: NbpConfig::default(),
             eval: EvalSection::default(),
         }
-    }
-}
-
-/// Training and held-out maps.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ScenesConfig {
-    /// Maps to learn from (paper: 70 a level).
-    pub train: SceneSet,
-    /// Maps that are never learnt from, for the final table (paper: 30 a level).
-    pub held_out: SceneSet,
-    /// Maps that are never learnt from, walked once after every iteration: the best weights are those that cover most, soonest.
-    /// None by default: the best are those with the least loss (released code).
-    pub validation: SceneSet,
-}
-
-impl Default for ScenesConfig {
-    fn default() -> Self {
-        Self {
-            train: SceneSet::generated(70, 1),
-            held_out: SceneSet::generated(30, 1_000_001),
-            validation: SceneSet::default(),
-        }
-    }
-}
-
-/// A set of maps: generated, or read from disk.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SceneSet {
-    /// Level of generated maps: `simple`, `normal`, `hard`, `insane`; or `mixed`, one of each in turn.
-    pub level: String,
-    /// Number of generated maps; of `paths`, the first so many (0: all).
-    pub count: usize,
-    /// Seed of the first generated map; the next ones count up.
-    pub seed: u64,
-    /// Scene folders, folders of scenes, OBJ or WAD files. Empty: generate.
-    pub paths: Vec<PathBuf>,
-}
-
-impl SceneSet {
-    fn generated(count: usize, seed: u64) -> Self {
-        Self { level: "simple".into(), count, seed, paths: Vec::new() }
-    }
-}
-
-impl SceneSet {
-    /// Whether there are no maps in it.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0 && self.paths.is_empty()
-    }
-
-    /// Levels of generated maps, which take turns.
-    ///
-    /// # Errors
-    /// Naming the levels that there are.
-    pub fn levels(&self) -> Result<Vec<Level>, String> {
-        if self.level == "mixed" { Ok(Level::ALL.to_vec()) } else { self.level.parse().map(|level| vec![level]) }
-    }
-
-    /// Whether both sets generate a map of the same level and seed.
-    fn overlaps(&self, other: &Self) -> bool {
-        let seeds = |set: &Self| set.seed..set.seed.saturating_add(set.count as u64);
-        let (a, b) = (seeds(self), seeds(other));
-        let levels = |set: &Self| set.levels().unwrap_or_default();
-        let is_shared = levels(self).iter().any(|level| levels(other).contains(level));
-        let are_generated = self.paths.is_empty() && other.paths.is_empty() && is_shared;
-        are_generated && a.start < b.end && b.start < a.end
-    }
-}
-
-impl Default for SceneSet {
-    fn default() -> Self {
-        Self::generated(0, 1)
     }
 }
 
@@ -216,6 +142,9 @@ pub struct TrainConfig {
     pub accumulate: usize,
     /// What is learnt: `both` maps in one network (paper), or only the `value` or the `obstacle` map.
     pub tasks: Tasks,
+    /// The checkpoint whose weights are the first ones, `published` or a folder; drawn from the seed if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub init: Option<PathBuf>,
     /// Make the answers of batch norm again on the way back instead of keeping them: a fifth less memory at no measurable
     /// time (128/32/8: 705 MiB instead of 890); same bits.
     pub gradient_checkpointing: bool,
@@ -246,6 +175,7 @@ impl Default for TrainConfig {
             batch: 56,
             accumulate: 8,
             tasks: Tasks::Both,
+            init: None,
             gradient_checkpointing: true,
             augment: false,
             validation: 1000,

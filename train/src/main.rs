@@ -1,10 +1,11 @@
 //! `train`: see `train --help`.
 
 use anyhow::{Context as _, Result};
+use burn::tensor::Device;
 use clap::Parser;
 use nbp_env::explain::{show, tell, told_once};
 use nbp_model::weights::scone::Baseline;
-use nbp_model::{DeviceChoice, Nbp, weights};
+use nbp_model::{DeviceChoice, Nbp, NetConfig, weights};
 use nbp_train::checkpoint::{self, Progress};
 use nbp_train::clock::{Clock, Spent};
 use nbp_train::config::{self, Config};
@@ -139,7 +140,7 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
     let (learner, progress) = if has_last || has_best {
         checkpoint::load(if has_last { &last } else { &best }, &net, &config.optim, &device)?
     } else {
-        let weights = Nbp::new(&net, config.seed, &device)?;
+        let weights = first_weights(&config, &net, &device)?;
         let learner = Learner { net: weights, optim: config.optim.init(), config: net, device, steps: 0 };
         (learner, Progress::new(config.optim.lr))
     };
@@ -183,6 +184,22 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
         return Ok(Outcome::Interrupted);
     }
     finish(&config, &folder, &session.log, &session.progress.spent)
+}
+
+/// What a run begins with: drawn from the seed, or those of another network of the same shape.
+fn first_weights(config: &Config, net: &NetConfig, device: &Device) -> Result<Nbp> {
+    let Some(path) = &config.train.init else { return Ok(Nbp::new(net, config.seed, device)?) };
+    let found = weights::load(&nbp_infer::checkpoint::folder(path).context("train.init")?, device)?;
+    let is_same = found.config.net == *net && found.config.window == config.sim.encode.window;
+    anyhow::ensure!(
+        is_same,
+        "train.init: the network in {} is {:?} for {:?}, the settings ask for {net:?} for {:?}: leave net and sim.encode as it was trained",
+        path.display(),
+        found.config.net,
+        found.config.window,
+        config.sim.encode.window
+    );
+    Ok(found.net)
 }
 
 /// The final table, in a run's folder.

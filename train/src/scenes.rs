@@ -1,6 +1,5 @@
 //! Maps to train on: generated from a seed, or read from disk.
 
-use crate::config::SceneSet;
 use crate::log::Bars;
 use anyhow::{Context as _, Result, anyhow};
 use nbp_dataset::generate::{Level, generate};
@@ -10,7 +9,81 @@ use nbp_env::scene::LoadOptions;
 use nbp_env::{Scene, SimConfig, World};
 use nbp_infer::source;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use std::sync::Arc;
+
+/// Training and held-out maps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScenesConfig {
+    /// Maps to learn from (paper: 70 a level).
+    pub train: SceneSet,
+    /// Maps that are never learnt from, for the final table (paper: 30 a level).
+    pub held_out: SceneSet,
+    /// Maps that are never learnt from, walked once after every iteration: the best weights are those that cover most, soonest.
+    /// None by default: the best are those with the least loss (released code).
+    pub validation: SceneSet,
+}
+
+impl Default for ScenesConfig {
+    fn default() -> Self {
+        Self {
+            train: SceneSet::generated(70, 1),
+            held_out: SceneSet::generated(30, 1_000_001),
+            validation: SceneSet::default(),
+        }
+    }
+}
+
+/// A set of maps: generated, or read from disk.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SceneSet {
+    /// Level of generated maps: `simple`, `normal`, `hard`, `insane`; or `mixed`, one of each in turn.
+    pub level: String,
+    /// Number of generated maps; of `paths`, the first so many (0: all).
+    pub count: usize,
+    /// Seed of the first generated map; the next ones count up.
+    pub seed: u64,
+    /// Scene folders, folders of scenes, OBJ or WAD files. Empty: generate.
+    pub paths: Vec<PathBuf>,
+}
+
+impl SceneSet {
+    fn generated(count: usize, seed: u64) -> Self {
+        Self { level: "simple".into(), count, seed, paths: Vec::new() }
+    }
+
+    /// Whether there are no maps in it.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0 && self.paths.is_empty()
+    }
+
+    /// Levels of generated maps, which take turns.
+    ///
+    /// # Errors
+    /// Naming the levels that there are.
+    pub fn levels(&self) -> Result<Vec<Level>, String> {
+        if self.level == "mixed" { Ok(Level::ALL.to_vec()) } else { self.level.parse().map(|level| vec![level]) }
+    }
+
+    /// Whether both sets generate a map of the same level and seed.
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        let seeds = |set: &Self| set.seed..set.seed.saturating_add(set.count as u64);
+        let (a, b) = (seeds(self), seeds(other));
+        let levels = |set: &Self| set.levels().unwrap_or_default();
+        let is_shared = levels(self).iter().any(|level| levels(other).contains(level));
+        let are_generated = self.paths.is_empty() && other.paths.is_empty() && is_shared;
+        are_generated && a.start < b.end && b.start < a.end
+    }
+}
+
+impl Default for SceneSet {
+    fn default() -> Self {
+        Self::generated(0, 1)
+    }
+}
 
 /// Makes the worlds of a set, in its order.
 ///

@@ -78,6 +78,11 @@ impl<T: Copy + Default> WorldGrid<T> {
         }
     }
 
+    /// Number of cells of a kind.
+    pub fn count(&self, is_counted: impl Fn(&T) -> bool) -> usize {
+        self.cells.iter().filter(|cell| is_counted(cell)).count()
+    }
+
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         self.cells.capacity() * size_of::<T>()

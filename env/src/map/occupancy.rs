@@ -51,6 +51,11 @@ impl OccupancyGrid {
         self.cells.extent()
     }
 
+    /// Number of cells that something is known of.
+    pub fn known(&self) -> usize {
+        self.cells.count(|&cell| cell != Cell::Unknown)
+    }
+
     /// Counts the free and the occupied cells whose middles lie in each pixel of a window, `S · S` each.
     pub fn crop(&self, window: &Window, free: &mut [u16], occupied: &mut [u16]) {
         let side = window.size.pixels;
@@ -67,11 +72,12 @@ impl OccupancyGrid {
             let (first, cells) = self.cells.row(z, low[0] + shape[0] as i32 - 1, low[0]);
             for (x, &cell) in (low[0]..=first).rev().zip(cells) {
                 let Some(col) = columns[(x - low[0]) as usize] else { continue };
-                match cell {
-                    Cell::Unknown => (),
-                    Cell::Free => free[row * side + col] += 1,
-                    Cell::Occupied => occupied[row * side + col] += 1,
-                }
+                let count = match cell {
+                    Cell::Unknown => continue,
+                    Cell::Free => &mut free[row * side + col],
+                    Cell::Occupied => &mut occupied[row * side + col],
+                };
+                *count = count.saturating_add(1);
             }
         }
     }

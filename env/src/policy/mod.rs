@@ -10,9 +10,10 @@ pub mod scone;
 pub mod search;
 
 use crate::episode::{Action, Decision, Episode};
-use crate::map::MapView;
+use crate::map::grid::cells_between;
+use crate::map::{Cell, MapView, occupancy};
 use crate::motion::Motion;
-use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node};
+use crate::pose::{Direction, HEADINGS, Heading, Lattice, LatticePose, Node};
 use crate::predict::{EncoderInput, PredictError, Prediction};
 use crate::seed::Rng;
 use rand::RngExt as _;
@@ -105,9 +106,30 @@ fn observed_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
     Some(if is_doubtful { DOUBTFUL_PRICE } else { 1.0 })
 }
 
+/// Whether a move crosses cells that nothing is known of.
+fn crosses_unknown(view: &MapView<'_>, a: Node, b: Node) -> bool {
+    let (from, to) = (view.lattice().position(a), view.lattice().position(b));
+    cells_between(from, to, occupancy::CELL).any(|cell| view.occupancy().get(cell) == Cell::Unknown)
+}
+
 /// The action that goes from one pose to a neighbouring one (or turns).
 fn action_towards(from: Node, to: LatticePose) -> Action {
     Action { direction: Direction::between(from, to.node), heading: to.heading }
+}
+
+/// The lattice poses nearest to those at which a step takes its `captures` frames, the last of them where it ends.
+fn poses_of_step(
+    lattice: &Lattice,
+    from: LatticePose,
+    to: LatticePose,
+    captures: usize,
+) -> impl Iterator<Item = LatticePose> + use<> {
+    let (lattice, begin, end) = (*lattice, lattice.pose(from), lattice.pose(to));
+    (1..=captures).map(move |n| {
+        let pose = begin.interpolate(&end, n as f32 / captures as f32);
+        let heading = Heading::towards(pose.azimuth.sin(), pose.azimuth.cos());
+        if n == captures { to } else { LatticePose { node: lattice.nearest(pose.position), heading } }
+    })
 }
 
 /// The headings that one move of a next-best-view policy may end with: all but the one behind.

@@ -7,7 +7,7 @@
 
 use super::oracle::Hindsight;
 use super::promise::{DISCOUNT, Promises};
-use super::{Plan, Policy, PolicyError, action_towards};
+use super::{Plan, Policy, PolicyError, action_towards, poses_of_step};
 use crate::episode::Action;
 use crate::map::MapView;
 use crate::path::ShortestPaths;
@@ -181,15 +181,8 @@ impl OracleSearch {
         self.frames_of_step(from, to).map(|pose| self.world.glimpses().cover(pose, &mut covered)).sum()
     }
 
-    /// The lattice poses nearest to those at which a step takes its frames.
     fn frames_of_step(&self, from: LatticePose, to: LatticePose) -> impl Iterator<Item = LatticePose> + '_ {
-        let lattice = self.world.scene().lattice();
-        let (captures, begin, end) = (self.world.config().captures, lattice.pose(from), lattice.pose(to));
-        (1..=captures).map(move |n| {
-            let pose = begin.interpolate(&end, n as f32 / captures as f32);
-            let heading = Heading::towards(pose.azimuth.sin(), pose.azimuth.cos());
-            if n == captures { to } else { LatticePose { node: lattice.nearest(pose.position), heading } }
-        })
+        poses_of_step(self.world.scene().lattice(), from, to, self.world.config().captures)
     }
 
     /// Four moves and staying.

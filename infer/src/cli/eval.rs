@@ -66,6 +66,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let (seeds, seed, batch) = (usize::from(args.seeds), args.setup.seed, usize::from(args.batch));
     let needs_network = policies.iter().any(|kind| kind.needs_network());
     let weights = needs_network.then(|| args.setup.weights(&read)).transpose()?;
+    let checkpoints = if needs_network { read.checkpoints.clone() } else { BTreeMap::new() };
     let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, batch, talk)?;
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch };
 
@@ -121,7 +122,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         plot::coverage(&title(worlds.len(), rows.first().map_or(0, |row| row.episodes)), &plot::series(&episodes)),
     )?;
     let about = json!({
-        "scenes": args.scenes, "checkpoint": args.setup.checkpoint, "eval": config, "settings": checkpoint::plain(&settings)?,
+        "scenes": args.scenes, "checkpoints": checkpoints, "eval": config, "settings": checkpoint::plain(&settings)?,
     });
     out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
     talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));

@@ -60,7 +60,7 @@ pub(super) struct Read {
     settings: Settings,
     trained: Option<CheckpointConfig>,
     /// Checkpoints by their architecture.
-    checkpoints: BTreeMap<String, PathBuf>,
+    pub(super) checkpoints: BTreeMap<String, PathBuf>,
     /// What each of the next-best-view baselines is asked, by its architecture.
     nbv: BTreeMap<String, NbvConfig>,
     /// The configuration's `[eval]`.

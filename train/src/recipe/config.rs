@@ -1,6 +1,7 @@
 //! The configuration of a baseline's training.
 
-use crate::config::{self, ConfigError, SceneSet};
+use crate::config::{self, ConfigError};
+use crate::scenes::SceneSet;
 use nbp_env::SimConfig;
 use nbp_env::nbv::{CollectConfig, NbvConfig, Teacher};
 use nbp_infer::checkpoint::Settings;

@@ -5,10 +5,9 @@ mod clusters;
 mod look;
 mod tour;
 
-use super::{Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
+use super::{Plan, Policy, PolicyError, action_towards, crosses_unknown, observed_price, turn_on_the_spot};
 use crate::episode::Action;
-use crate::map::grid::cells_between;
-use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
+use crate::map::{Cell, MapView, OccupancyGrid};
 use crate::path::{PriceList, ShortestPaths};
 use crate::pose::{Heading, LatticePose, Node};
 use crate::seed::Rng;
@@ -136,10 +135,8 @@ fn poses_along(from: Node, nodes: &[Node], goal: LatticePose) -> Vec<LatticePose
 /// As [`observed_price`], but the unknown is dear.
 fn careful_price(view: &MapView<'_>, a: Node, b: Node) -> Option<f32> {
     let price = observed_price(view, a, b)?;
-    let (from, to) = (view.lattice().position(a), view.lattice().position(b));
-    let is_unknown = |cell| view.occupancy().get(cell) == Cell::Unknown;
-    let crosses_unknown = || !view.is_traversed(a, b) && cells_between(from, to, occupancy::CELL).any(is_unknown);
-    Some(if price < UNKNOWN_PRICE && crosses_unknown() { UNKNOWN_PRICE } else { price })
+    let is_dear = price < UNKNOWN_PRICE && !view.is_traversed(a, b) && crosses_unknown(view, a, b);
+    Some(if is_dear { UNKNOWN_PRICE } else { price })
 }
 
 /// Turns the poses before the goal to the frontiers that they pass: to look where one walks is to look at what is known.
@@ -198,6 +195,8 @@ mod tests {
     use super::*;
     use crate::check::check_policy;
     use crate::config::SimConfig;
+    use crate::map::grid::cells_between;
+    use crate::map::occupancy;
     use crate::policy::random::Random;
     use crate::policy::tests::explore;
     use crate::scene::Scene;

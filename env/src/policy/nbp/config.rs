@@ -14,8 +14,14 @@ pub struct NbpConfig {
     pub goals: Goals,
     /// When a new path is planned.
     pub replan: Replan,
+    /// After so many steps in a row that have shown next to nothing new of the carved plane, a tour of frontiers (`fbe-tsp`) leads until
+    /// something is new: where promises are false, there is always one more of them near. 0: never.
+    pub patience: usize,
     /// With `goals = "surroundings"`: what a gain one step later is worth, below 1.
     pub discount: f32,
+    /// With `goals = "surroundings"`: count what the frames on the way of a step see, too, and not only the look at its end: a turn by
+    /// half a circle shows three more headings.
+    pub sweeps: bool,
     /// With `goals = "surroundings"`: what is taken off the promise of a look whose rays meet no cell that nothing is known of, as a
     /// frontier's do, ares: small promises are noise, and there is always one near.
     pub seen_penalty: f32,
@@ -27,6 +33,9 @@ pub struct NbpConfig {
     /// With `goals = "surroundings"` and `fuse_observed`: what a move across cells that nothing is known of costs, in steps, at
     /// least 1 and below 10: behind walls most of them are solid, whatever the network answers.
     pub unknown_price: f32,
+    /// With `fuse_observed`: what a move across a wall that was seen or is predicted costs, in steps, at least 10. Walls nearly along
+    /// the way look the same on a grid, so it is not ruled out; bars let looks through and nobody.
+    pub wall_price: f32,
     /// Probability from which a pixel is an obstacle (paper: not given; released code: 0.13).
     pub obstacle_threshold: f32,
     /// Obstacle pixels on a move's segment from which it is blocked (released code: 2 at 256 pixels).
@@ -86,11 +95,14 @@ impl Default for NbpConfig {
             goal: GoalRule::Greedy,
             goals: Goals::Poses,
             replan: Replan::OnArrival,
+            patience: 0,
             discount: 0.96,
+            sweeps: false,
             seen_penalty: 0.0,
             commitment: 0.0,
             memory: 0.0,
             unknown_price: 1.0,
+            wall_price: DOUBTFUL_PRICE,
             obstacle_threshold: 0.5,
             blocking_pixels: 2,
             fuse_observed: false,
@@ -140,6 +152,9 @@ impl NbpConfig {
         }
         if !(1.0..DOUBTFUL_PRICE).contains(&self.unknown_price) {
             return refuse("unknown_price", self.unknown_price.to_string(), "at least 1 and below 10 steps");
+        }
+        if !(self.wall_price.is_finite() && self.wall_price >= DOUBTFUL_PRICE) {
+            return refuse("wall_price", self.wall_price.to_string(), "at least 10 steps");
         }
         if self.blocking_pixels == 0 {
             return refuse("blocking_pixels", "0".into(), "at least 1, or every move is blocked");

@@ -6,7 +6,10 @@ mod projection;
 
 pub use config::{Goals, NbpConfig, NbpConfigError, Replan};
 
-use super::{DOUBTFUL_PRICE, Plan, Policy, PolicyError, action_towards, observed_price, turn_on_the_spot};
+use super::fbe::{Fbe, Rule};
+use super::{
+    DOUBTFUL_PRICE, Plan, Policy, PolicyError, action_towards, crosses_unknown, observed_price, turn_on_the_spot,
+};
 use crate::encode::encode;
 use crate::episode::Action;
 use crate::goal::{Candidate, GoalRule};
@@ -41,6 +44,9 @@ impl Passability {
     }
 }
 
+/// Cells of the carved plane that a step shows without news: noise, and corners.
+const FEW_CELLS: usize = 20;
+
 /// What the network saw and answered.
 type Thought = (EncoderInput, Prediction);
 
@@ -57,13 +63,46 @@ pub struct Nbp {
     refused: BTreeSet<Node>,
     projection: Projection,
     outlook: Outlook,
+    drought: Drought,
+    /// Who leads when nothing new was seen for too long.
+    frontiers: Fbe,
+}
+
+/// Steps without news.
+#[derive(Default)]
+struct Drought {
+    /// Cells of the carved plane that were known when there was news.
+    known: usize,
+    /// Steps since then.
+    steps: usize,
+}
+
+impl Drought {
+    fn update(&mut self, view: &MapView<'_>) {
+        let known = view.occupancy().known();
+        let is_news = known > self.known + FEW_CELLS;
+        *self = if is_news { Self { known, steps: 0 } } else { Self { steps: self.steps + 1, ..*self } };
+    }
 }
 
 impl Nbp {
     /// A policy that plans on what `predictor` answers.
     pub fn new(predictor: Arc<dyn Predictor>, config: NbpConfig, passability: Passability) -> Self {
-        let (closed, refused, projection, outlook) = Default::default();
-        Self { predictor, config, passability, plan: None, next: 0, closed, refused, projection, outlook }
+        let (closed, refused, projection, outlook, drought) = Default::default();
+        let frontiers = Fbe::new(Rule::Tsp);
+        Self {
+            predictor,
+            config,
+            passability,
+            plan: None,
+            next: 0,
+            closed,
+            refused,
+            projection,
+            outlook,
+            drought,
+            frontiers,
+        }
     }
 
     /// The pose to go to next, if the plan still holds.
@@ -109,6 +148,7 @@ impl Nbp {
             return world.scene().graph().is_passable(a, b).then_some(1.0);
         }
         let observed = observed_price(view, a, b).filter(|_| !self.closed.contains(&[a, b]))?;
+        let observed = if observed >= DOUBTFUL_PRICE { self.config.wall_price } else { observed };
         if view.is_traversed(a, b) || (self.config.fuse_observed && is_known()) {
             return Some(1.0);
         }
@@ -119,7 +159,7 @@ impl Nbp {
             (true, true) => Some(self.price_of_unknown(view, a, b).max(observed)),
             (false, false) => None,
             // A predicted wall is as doubtful as a seen one: an agent that stands beside a wall is not walled in by it.
-            (false, true) => Some(DOUBTFUL_PRICE),
+            (false, true) => Some(self.config.wall_price),
         }
     }
 
@@ -128,9 +168,7 @@ impl Nbp {
         if self.config.goals != Goals::Surroundings || self.config.unknown_price <= 1.0 {
             return 1.0;
         }
-        let (from, to) = (view.lattice().position(a), view.lattice().position(b));
-        let mut cells = cells_between(from, to, occupancy::CELL);
-        if cells.any(|cell| view.occupancy().get(cell) == Cell::Unknown) { self.config.unknown_price } else { 1.0 }
+        if crosses_unknown(view, a, b) { self.config.unknown_price } else { 1.0 }
     }
 
     /// Whether a world pixel of the window is taken for an obstacle.
@@ -295,10 +333,20 @@ impl Policy for Nbp {
 
     fn begin(&mut self) {
         (self.plan, self.next) = (None, 0);
-        (self.closed, self.refused, self.projection, self.outlook) = Default::default();
+        (self.closed, self.refused, self.projection, self.outlook, self.drought) = Default::default();
+        self.frontiers.begin();
     }
 
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
+        self.drought.update(view);
+        if self.config.patience > 0 && self.drought.steps > self.config.patience {
+            let action = self.frontiers.act(view, rng)?;
+            if let Some(plan) = self.frontiers.plan().filter(|plan| !plan.path.is_empty()) {
+                self.plan = Some(plan.clone());
+                self.next = plan.path.len();
+                return Ok(action);
+            }
+        }
         let followed = self.follow(view);
         let goal = self.plan.as_ref().and_then(|plan| plan.path.last().copied());
         if let (None, true, Some(goal)) = (followed, self.config.blacklist_goals, goal)
@@ -401,6 +449,24 @@ mod tests {
         let (_, rarely) = plans(NbpConfig { replan: Replan::OnArrival, ..NbpConfig::default() }, 20);
         let (_, often) = plans(NbpConfig { replan: Replan::EveryStep, ..NbpConfig::default() }, 20);
         assert!(rarely.len() < 15 && often.len() == 20, "{} {}", rarely.len(), often.len());
+    }
+
+    #[test]
+    fn a_wall_that_was_seen_costs_what_the_settings_say() {
+        let config = NbpConfig { fuse_observed: true, wall_price: 25.0, ..NbpConfig::default() };
+        let episode = walk(config, false);
+        let (view, policy) = (episode.view(), Nbp::new(Arc::new(Corner), config, Passability::Predicted));
+        let (thought, lattice) = (policy.think(&view).unwrap(), view.lattice());
+        let mut walls = 0;
+        for a in (0..lattice.len()).map(|index| lattice.node(index)) {
+            for b in crate::pose::Direction::ALL.map(|direction| a.step(direction)) {
+                let (observed, price) = (observed_price(&view, a, b), policy.price(&view, &thought, a, b));
+                let expected = if observed == Some(DOUBTFUL_PRICE) { Some(25.0) } else { observed };
+                assert_eq!(price, expected, "{a:?} {b:?}");
+                walls += usize::from(price == Some(25.0));
+            }
+        }
+        assert!(walls > 4, "{walls}");
     }
 
     #[test]

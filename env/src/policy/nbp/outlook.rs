@@ -6,6 +6,7 @@ use super::{NbpConfig, Thought};
 use crate::map::grid::cells_between;
 use crate::map::{Cell, MapView, OccupancyGrid, occupancy};
 use crate::path::{PriceList, ShortestPaths};
+use crate::policy::poses_of_step;
 use crate::pose::{Direction, HEADINGS, Heading, LatticePose, Node};
 use glam::Vec3;
 
@@ -17,6 +18,9 @@ const RAYS: usize = 3 * HEADINGS;
 
 /// Unknown cells that the seven rays of a view must meet: where points are few, walls have holes.
 const ENOUGH_CELLS: usize = 8;
+
+/// Frames of a step: those between headings that are four eighths apart.
+const FRAMES: usize = 4;
 
 /// What the network last promised for a look from each lattice pose, ares, by node; nothing where it was not asked.
 #[derive(Default)]
@@ -105,7 +109,7 @@ impl Outlook {
         after: &ShortestPaths,
         config: &NbpConfig,
     ) -> Option<Step> {
-        let (heading, gain) = self.best(view, node);
+        let (heading, gain) = if config.sweeps { self.best_sweep(view, node) } else { self.best(view, node) };
         let promise = |&(other, around): &(Node, f32)| {
             // What is looked at now is not found again.
             let rest = if other == node { (around - gain).max(0.0) } else { around };
@@ -131,8 +135,23 @@ impl Outlook {
 
     /// The best of the headings that were not tried yet, or the agent's own.
     fn best(&self, view: &MapView<'_>, node: Node) -> (Heading, f32) {
+        self.best_by(view, node, |pose| self.gain(view, pose))
+    }
+
+    /// The same of a step to the node, with what its frames see on the way: views overlap by half, as in [`Self::around`].
+    fn best_sweep(&self, view: &MapView<'_>, node: Node) -> (Heading, f32) {
+        let from = view.pose();
+        self.best_by(view, node, |pose| {
+            let mut passed: Vec<LatticePose> = poses_of_step(view.lattice(), from, pose, FRAMES).collect();
+            passed.dedup_by_key(|passed| passed.heading);
+            passed.retain(|passed| passed.heading != from.heading && passed.heading != pose.heading);
+            self.gain(view, pose) + passed.into_iter().map(|passed| self.gain(view, passed)).sum::<f32>() / 2.0
+        })
+    }
+
+    fn best_by(&self, view: &MapView<'_>, node: Node, gain: impl Fn(LatticePose) -> f32) -> (Heading, f32) {
         let poses = Heading::all().map(|heading| LatticePose { node, heading });
-        let looks = poses.filter(|&pose| view.visits(pose) == 0).map(|pose| (pose.heading, self.gain(view, pose)));
+        let looks = poses.filter(|&pose| view.visits(pose) == 0).map(|pose| (pose.heading, gain(pose)));
         looks.reduce(|best, look| if look.1 > best.1 { look } else { best }).unwrap_or((view.pose().heading, 0.0))
     }
 
@@ -264,6 +283,39 @@ mod tests {
         };
         assert!(!reached(0.0, 0.0));
         assert!(reached(0.5, 0.0) && reached(0.0, 0.8));
+    }
+
+    #[test]
+    fn false_promises_do_not_keep_it_from_the_second_room() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(1) };
+        // Two places in the first room that promise much from step to step, whatever is looked at.
+        let places = [Node { i: 0, k: 0 }, Node { i: 1, k: 2 }];
+        let covered = |patience| {
+            let config =
+                NbpConfig { goals: Goals::Surroundings, replan: Replan::EveryStep, patience, ..NbpConfig::default() };
+            let fickle = Arc::new(Fickle(places, AtomicUsize::new(0)));
+            let mut policy = Nbp::new(fickle, config, Passability::Truth(Arc::clone(&world)));
+            explore(&world, &mut policy, start, 40).curve()[40]
+        };
+        assert!(covered(4) > 0.95 && covered(0) < 0.9, "{} {}", covered(4), covered(0));
+    }
+
+    #[test]
+    fn who_counts_what_is_passed_turns_by_half_a_circle() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 1, k: 1 }, heading: Heading::new(5) };
+        let turned = |sweeps| {
+            let config = NbpConfig { goals: Goals::Surroundings, sweeps, ..NbpConfig::default() };
+            let treasures = Arc::new(Treasures(vec![(start.node, 1.0)]));
+            let mut policy = Nbp::new(treasures, config, Passability::Truth(Arc::clone(&world)));
+            let episode = Episode::new(Arc::clone(&world), start, 1, SeedTree::new(1)).unwrap();
+            let action = policy.act(&episode.view(), &mut SeedTree::new(1).rng()).unwrap();
+            assert_eq!(action.direction, None);
+            action.heading
+        };
+        assert_eq!(turned(true), Heading::new(1));
+        assert_eq!(turned(false), Heading::new(0), "all looks alike: the first");
     }
 
     #[test]
