@@ -148,9 +148,8 @@ mod tests {
         assert_eq!((shown.channels, shown.channel(7)), (8, input.channel(6)), "the trajectory is last");
         let mut nodes = vec![0; 64 * 64];
         for node in (0..lattice.len()).map(|index| lattice.node(index)) {
-            if with_nodes.view().is_within_sight(node) {
-                let (row, col) = input.window.pixel(lattice.position(node)).unwrap();
-                nodes[row * 64 + col] = 1;
+            if let Some((row, col)) = input.window.pixel(lattice.position(node)) {
+                nodes[row * 64 + col] = u16::from(with_nodes.view().is_within_sight(node));
             }
         }
         let count = nodes.iter().filter(|&&count| count == 1).count();

@@ -121,11 +121,11 @@ fn policies_without_a_checkpoint_have_the_published_networks() {
         json(&dir.path().join(out).join("summary.json"))
     };
     let published = rows("--checkpoint published", "named");
+    fails(dir.path(), "eval --scenes scenes --checkpoint my/published --out x", 1, "no such file or folder");
+    assert_eq!(rows("", "unnamed")[0]["auc_mean"], published[0]["auc_mean"]);
     let told = json(&dir.path().join("unnamed/settings.json"))["checkpoints"].clone();
     assert_eq!(told.as_object().unwrap().keys().collect::<Vec<_>>(), ["nbp"]);
     assert!(told["nbp"].as_str().unwrap().ends_with("runs/published/nbp"), "{told}");
-    fails(dir.path(), "eval --scenes scenes --checkpoint my/published --out x", 1, "no such file or folder");
-    assert_eq!(rows("", "unnamed")[0]["auc_mean"], published[0]["auc_mean"]);
     write_checkpoint(dir.path());
     assert_ne!(rows("--checkpoint net", "mine")[0]["auc_mean"], published[0]["auc_mean"]);
 }
