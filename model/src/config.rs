@@ -36,7 +36,7 @@ impl InputScale {
 pub struct NetConfig {
     /// Channels of the first encoder stage; the deepest has 16 times as many (paper: 64).
     pub base: usize,
-    /// Input channels: layers of the point cloud and the trajectory (paper: 4 + 1).
+    /// Input channels: layers of the point cloud, what else `sim.encode` shows, and the trajectory (paper: 4 + 1).
     pub in_channels: usize,
     /// Channels of the value map, one for each heading (paper: 8).
     pub headings: usize,
@@ -66,7 +66,7 @@ pub enum ConfigError {
 }
 
 impl NetConfig {
-    /// Layers of the point cloud in the input.
+    /// Layers of the point cloud in the input, where it shows nothing else but the trajectory.
     pub fn layers(&self) -> usize {
         self.in_channels.saturating_sub(1)
     }
@@ -81,7 +81,11 @@ impl NetConfig {
             return field("base", self.base, "use an even number from 2 to 512 (the last gate has base / 2 channels)");
         }
         if !(2..=64).contains(&self.in_channels) {
-            return field("in_channels", self.in_channels, "use 1 to 63 layers and the trajectory, so 2 to 64");
+            return field(
+                "in_channels",
+                self.in_channels,
+                "use 2 to 64: layers, what else sim.encode shows, and the trajectory",
+            );
         }
         if self.headings != HEADINGS {
             return field("headings", self.headings, "the lattice has 8 headings");

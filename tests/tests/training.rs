@@ -118,8 +118,13 @@ fn a_run_may_begin_with_the_weights_of_another() {
     let run = third.with_file_name("fourth");
     let other = ["--run", run.to_str().unwrap(), "--set", &init, "--set", "net.base=4"];
     refuse("train", &[SMOKE, &other].concat(), &["train.init", "base: 2", "base: 4"]);
+    let other = ["--run", run.to_str().unwrap(), "--set", &init, "--set", "sim.encode.trajectory=captures"];
+    refuse("train", &[SMOKE, &other].concat(), &["train.init", "KeyPoses", "Captures"]);
     let nowhere = ["--run", run.to_str().unwrap(), "--set", "train.init=nowhere"];
-    refuse("train", &[SMOKE, &nowhere].concat(), &["train.init", "nowhere"]);
+    refuse("train", &[SMOKE, &nowhere].concat(), &["train.init", "no such file or folder"]);
+    // What was refused has made nothing that refuses what is right.
+    train(&run, &[&still[..], &["--set", &init]].concat());
+    assert_eq!(weights(&run, "last"), weights(&second, "last"));
 }
 
 #[test]

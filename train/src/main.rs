@@ -128,6 +128,10 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
     }
     let folder = arguments.run.clone().unwrap_or_else(|| checkout().join("runs").join(name));
     let device = config.device.resolve_for("train")?;
+    if !folder.join("config.toml").exists() {
+        // A folder that is made for settings which cannot be would refuse those that can.
+        first_network(&config)?;
+    }
     prepare(&folder, &config)?;
     let _lock = folder::lock(&folder)?;
     interrupt::listen();
@@ -186,20 +190,27 @@ fn train_nbp(arguments: &Arguments) -> Result<Outcome> {
     finish(&config, &folder, &session.log, &session.progress.spent)
 }
 
-/// What a run begins with: drawn from the seed, or those of another network of the same shape.
+/// What a run begins with: drawn from the seed, or the weights of another network of the same shape.
 fn first_weights(config: &Config, net: &NetConfig, device: &Device) -> Result<Nbp> {
-    let Some(path) = &config.train.init else { return Ok(Nbp::new(net, config.seed, device)?) };
-    let found = weights::load(&nbp_infer::checkpoint::folder(path).context("train.init")?, device)?;
-    let is_same = found.config.net == *net && found.config.window == config.sim.encode.window;
+    match first_network(config)? {
+        Some(folder) => Ok(weights::load(&folder, device).context("train.init")?.net),
+        None => Ok(Nbp::new(net, config.seed, device)?),
+    }
+}
+
+/// The folder of the network that a run begins with, if it sees and answers what the settings say.
+fn first_network(config: &Config) -> Result<Option<PathBuf>> {
+    let Some(path) = &config.train.init else { return Ok(None) };
+    let (found, settings) = nbp_infer::checkpoint::read(path).context("train.init")?;
+    let (net, encode) = (config.net_config(), config.sim.encode);
     anyhow::ensure!(
-        is_same,
-        "train.init: the network in {} is {:?} for {:?}, the settings ask for {net:?} for {:?}: leave net and sim.encode as it was trained",
+        found.net == net && settings.sim.encode == encode,
+        "train.init: {} holds {:?} for {:?}, the settings ask for {net:?} for {encode:?}: leave net and sim.encode as it was trained",
         path.display(),
-        found.config.net,
-        found.config.window,
-        config.sim.encode.window
+        found.net,
+        settings.sim.encode
     );
-    Ok(found.net)
+    Ok(Some(nbp_infer::checkpoint::folder(path)?))
 }
 
 /// The final table, in a run's folder.

@@ -236,7 +236,7 @@ impl Session {
                 loss.bce,
                 loss.precision,
                 loss.recall,
-                if verdict == Verdict::Better { " (least so far)" } else { "" }
+                if verdict == Verdict::Better { " (least loss so far)" } else { "" }
             );
             let sample = self.held_out.get(0)?;
             if let Some(world) = self.worlds.first() {

@@ -66,7 +66,9 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let (seeds, seed, batch) = (usize::from(args.seeds), args.setup.seed, usize::from(args.batch));
     let needs_network = policies.iter().any(|kind| kind.needs_network());
     let weights = needs_network.then(|| args.setup.weights(&read)).transpose()?;
-    let checkpoints = if needs_network { read.checkpoints.clone() } else { BTreeMap::new() };
+    let is_asked = |architecture: &str| policies.iter().any(|kind| kind.architecture() == Some(architecture));
+    let asked = read.checkpoints.iter().filter(|(architecture, _)| is_asked(architecture));
+    let checkpoints: BTreeMap<String, PathBuf> = asked.map(|(name, path)| (name.clone(), path.clone())).collect();
     let Setup { settings, context, steps } = args.setup.setup(read, &policies, device, batch, talk)?;
     let config = EvalConfig { policies, steps, seeds, seed, starts_limit, batch };
 
@@ -122,7 +124,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
         plot::coverage(&title(worlds.len(), rows.first().map_or(0, |row| row.episodes)), &plot::series(&episodes)),
     )?;
     let about = json!({
-        "scenes": args.scenes, "checkpoints": checkpoints, "eval": config, "settings": checkpoint::plain(&settings)?,
+        "scenes": args.scenes, "checkpoints": checkpoints, "obstacle_checkpoint": args.setup.obstacle_checkpoint, "eval": config, "settings": checkpoint::plain(&settings)?,
     });
     out.write("settings.json", serde_json::to_string_pretty(&about)? + "\n")?;
     talk.say(format!("wrote episodes.csv, summary.json, summary.md, coverage.svg, settings.json to {folder}"));

@@ -26,7 +26,7 @@ pub(super) struct Args {
     pub(super) checkpoint: Vec<PathBuf>,
     /// Take the obstacle map from another checkpoint: networks that learnt one task each
     #[arg(long, value_name = "DIR|FILE", requires = "checkpoint")]
-    obstacle_checkpoint: Option<PathBuf>,
+    pub(super) obstacle_checkpoint: Option<PathBuf>,
     /// Configuration file (TOML): its sim, policy, search, nbv and eval tables; several are stacked left to right
     #[arg(long, value_name = "FILE")]
     config: Vec<PathBuf>,

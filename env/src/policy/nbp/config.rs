@@ -14,13 +14,14 @@ pub struct NbpConfig {
     pub goals: Goals,
     /// When a new path is planned.
     pub replan: Replan,
-    /// After so many steps in a row that have shown next to nothing new of the carved plane, a tour of frontiers (`fbe-tsp`) leads until
-    /// something is new: where promises are false, there is always one more of them near. 0: never.
+    /// After more than so many steps that have shown next to nothing new of the carved plane, a tour of frontiers (`fbe-tsp`), which knows
+    /// neither the network's walls nor the true ones, leads until something is new: where promises are false, there is always one more
+    /// of them near. 0: never.
     pub patience: usize,
     /// With `goals = "surroundings"`: what a gain one step later is worth, below 1.
     pub discount: f32,
-    /// With `goals = "surroundings"`: count what the frames on the way of a step see, too, and not only the look at its end: a turn by
-    /// half a circle shows three more headings.
+    /// With `goals = "surroundings"`: count the headings that a step turns through, too, and not only the look at its end: a turn by half
+    /// a circle shows three more.
     pub sweeps: bool,
     /// With `goals = "surroundings"`: what is taken off the promise of a look whose rays meet no cell that nothing is known of, as a
     /// frontier's do, ares: small promises are noise, and there is always one near.

@@ -1,4 +1,5 @@
-//! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2).
+//! `nbp`: walk to where the network promises most, replan on arrival or when stopped (paper, section 4.2). By settings beyond the paper's it
+//! plans as [`Goals`] and [`Replan`] say, and leaves the lead to a tour of frontiers after [`NbpConfig::patience`] steps without news.
 
 mod config;
 mod outlook;
@@ -44,7 +45,7 @@ impl Passability {
     }
 }
 
-/// Cells of the carved plane that a step shows without news: noise, and corners.
+/// Cells of the carved plane that come to be known, since there was news, without being any: noise, and corners.
 const FEW_CELLS: usize = 20;
 
 /// What the network saw and answered.
@@ -103,6 +104,21 @@ impl Nbp {
             drought,
             frontiers,
         }
+    }
+
+    /// What a tour of frontiers does next, if nothing new was seen for too long and there are any.
+    fn follow_frontiers(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Option<Action>, PolicyError> {
+        if self.config.patience == 0 {
+            return Ok(None);
+        }
+        self.drought.update(view);
+        if self.drought.steps <= self.config.patience {
+            return Ok(None);
+        }
+        let action = self.frontiers.act(view, rng)?;
+        let Some(plan) = self.frontiers.plan().filter(|plan| !plan.path.is_empty()) else { return Ok(None) };
+        (self.plan, self.next) = (Some(plan.clone()), plan.path.len());
+        Ok(Some(action))
     }
 
     /// The pose to go to next, if the plan still holds.
@@ -338,17 +354,12 @@ impl Policy for Nbp {
     }
 
     fn act(&mut self, view: &MapView<'_>, rng: &mut Rng) -> Result<Action, PolicyError> {
-        self.drought.update(view);
-        if self.config.patience > 0 && self.drought.steps > self.config.patience {
-            let action = self.frontiers.act(view, rng)?;
-            if let Some(plan) = self.frontiers.plan().filter(|plan| !plan.path.is_empty()) {
-                self.plan = Some(plan.clone());
-                self.next = plan.path.len();
-                return Ok(action);
-            }
+        if let Some(action) = self.follow_frontiers(view, rng)? {
+            return Ok(action);
         }
         let followed = self.follow(view);
-        let goal = self.plan.as_ref().and_then(|plan| plan.path.last().copied());
+        let own = self.plan.as_ref().filter(|plan| plan.thought.is_some());
+        let goal = own.and_then(|plan| plan.path.last().copied());
         if let (None, true, Some(goal)) = (followed, self.config.blacklist_goals, goal)
             && goal != view.pose()
         {
@@ -467,6 +478,53 @@ mod tests {
             }
         }
         assert!(walls > 4, "{walls}");
+    }
+
+    /// Sees walls everywhere.
+    struct Walled;
+
+    impl Predictor for Walled {
+        fn predict(&self, inputs: &[EncoderInput]) -> Result<Vec<Prediction>, PredictError> {
+            let mut answers = Corner.predict(inputs)?;
+            answers.iter_mut().for_each(|answer| answer.obstacle.probability.fill(1.0));
+            Ok(answers)
+        }
+    }
+
+    #[test]
+    fn a_wall_that_is_predicted_costs_as_much_as_one_that_was_seen() {
+        let config = NbpConfig { fuse_observed: true, wall_price: 25.0, ..NbpConfig::default() };
+        let episode = plans(config, 0).0;
+        let (view, policy) = (episode.view(), Nbp::new(Arc::new(Walled), config, Passability::Predicted));
+        let (thought, lattice) = (policy.think(&view).unwrap(), view.lattice());
+        let edges =
+            (0..lattice.len()).map(|index| lattice.node(index)).map(|a| (a, a.step(crate::pose::Direction::PlusX)));
+        let unseen: Vec<_> = edges.filter(|&(a, b)| lattice.contains(b) && crosses_unknown(&view, a, b)).collect();
+        assert!(unseen.len() > 4);
+        assert!(unseen.iter().all(|&(a, b)| policy.price(&view, &thought, a, b) == Some(25.0)));
+        for (wall_price, is_valid) in [(10.0, true), (9.9, false), (f32::INFINITY, false), (f32::NAN, false)] {
+            assert_eq!(NbpConfig { wall_price, ..config }.validate().is_ok(), is_valid, "{wall_price}");
+        }
+    }
+
+    #[test]
+    fn the_goals_of_a_tour_of_frontiers_are_not_given_up() {
+        let world = Arc::new(World::new(Scene::two_rooms(), &SimConfig::default()).unwrap());
+        let start = LatticePose { node: Node { i: 0, k: 0 }, heading: Heading::new(0) };
+        let config = NbpConfig { blacklist_goals: true, patience: 1, ..NbpConfig::default() };
+        let mut policy = Nbp::new(Arc::new(Corner), config, Passability::Predicted);
+        let mut episode = Episode::new(world, start, 40, SeedTree::new(5)).unwrap();
+        let (mut rng, mut own, mut tours) = (SeedTree::new(6).rng(), BTreeSet::new(), 0);
+        while !episode.is_over() {
+            let action = policy.act(&episode.view(), &mut rng).unwrap();
+            let plan = policy.plan().unwrap();
+            match plan.thought {
+                Some(_) => own.extend(plan.path.last().map(|goal| goal.node)),
+                None => tours += 1,
+            }
+            episode.step(action);
+        }
+        assert!(tours > 0 && policy.refused.is_subset(&own), "{tours} {:?} {own:?}", policy.refused);
     }
 
     #[test]
