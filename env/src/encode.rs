@@ -20,9 +20,6 @@ pub struct EncodeConfig {
     /// Show the carved plane, too: two more images that count its free and its occupied cells. Off in the paper, whose network
     /// has to see from thin points where nothing was seen yet.
     pub occupancy: bool,
-    /// Show the nodes that are within sight, too, in one more image: from where exactly looks are asked for, which no cell of the
-    /// answers tells. Off in the paper.
-    pub nodes: bool,
     /// Which positions the trajectory image counts.
     pub trajectory: Trajectory,
 }
@@ -39,9 +36,9 @@ pub enum Trajectory {
 }
 
 impl EncodeConfig {
-    /// Channels of the input: `K + 1`, two more with the carved plane, one more with the nodes.
+    /// Channels of the input, `K + 1`, or `K + 3` with the carved plane.
     pub fn channels(&self) -> usize {
-        self.layers.count + if self.occupancy { 2 } else { 0 } + usize::from(self.nodes) + 1
+        self.layers.count + if self.occupancy { 2 } else { 0 } + 1
     }
 
     /// Size and range of the input.
@@ -62,20 +59,9 @@ pub fn encode(view: &MapView<'_>) -> EncoderInput {
     let mut counts = vec![0_u16; config.channels() * area];
     let (layers, rest) = counts.split_at_mut(density.layer_count() * area);
     density.crop(&window, layers);
-    let (known, visits) = rest.split_at_mut(rest.len() - area);
-    let (plane, nodes) = known.split_at_mut(if config.occupancy { 2 * area } else { 0 });
-    if config.occupancy {
-        let (free, occupied) = plane.split_at_mut(area);
+    let (plane, visits) = rest.split_at_mut(rest.len() - area);
+    if let Some((free, occupied)) = plane.split_at_mut_checked(area).filter(|_| config.occupancy) {
         view.occupancy().crop(&window, free, occupied);
-    }
-    if config.nodes {
-        let lattice = view.lattice();
-        for node in (0..lattice.len()).map(|index| lattice.node(index)) {
-            let pixel = window.pixel(lattice.position(node)).filter(|_| view.is_within_sight(node));
-            if let Some((row, col)) = pixel {
-                nodes[row * window.size.pixels + col] = 1;
-            }
-        }
     }
     let mut visit = |position| {
         if let Some((row, col)) = window.pixel(position) {
@@ -141,20 +127,6 @@ mod tests {
         }
         assert!(free.iter().sum::<u16>() > 500 && occupied.iter().sum::<u16>() > 50);
         assert_eq!((input.channel(4), input.channel(5)), (&free[..], &occupied[..]));
-
-        config.encode.nodes = true;
-        let with_nodes = input_of(&config);
-        let (shown, lattice) = (with_nodes.encode(), with_nodes.view().lattice());
-        assert_eq!((shown.channels, shown.channel(7)), (8, input.channel(6)), "the trajectory is last");
-        let mut nodes = vec![0; 64 * 64];
-        for node in (0..lattice.len()).map(|index| lattice.node(index)) {
-            if let Some((row, col)) = input.window.pixel(lattice.position(node)) {
-                nodes[row * 64 + col] = u16::from(with_nodes.view().is_within_sight(node));
-            }
-        }
-        let count = nodes.iter().filter(|&&count| count == 1).count();
-        assert!(4 < count && count < lattice.len() && shown.channel(6) == nodes, "{count}");
-        config.encode.nodes = false;
 
         config.encode.occupancy = false;
         let without = input_of(&config).encode();

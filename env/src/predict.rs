@@ -8,12 +8,12 @@ use std::sync::Arc;
 ///
 /// Channels `0..K` are the densities of the `K` horizontal layers from low to high (points per pixel), the last is the trajectory
 /// (visits per pixel); paper, section 4.1 and appendix B. With `encode.occupancy` the free and the occupied cells of the carved
-/// plane lie between them (cells per pixel), with `encode.nodes` the nodes within sight.
+/// plane lie between them (cells per pixel).
 #[derive(Clone, Debug, PartialEq)]
 pub struct EncoderInput {
     /// Where in the world this image lies.
     pub window: Window,
-    /// `K + 1` to `K + 4`.
+    /// `K + 1`, or `K + 3`.
     pub channels: usize,
     /// `channels · S · S` counts, saturating.
     pub counts: Vec<u16>,

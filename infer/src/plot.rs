@@ -63,7 +63,7 @@ pub fn coverage(title: &str, series: &[Series]) -> String {
     let mut svg = open([SIZE[0] + beside, height]);
     let left = AXES[0];
     let _ = writeln!(svg, "<text x=\"{left}\" y=\"32\" font-size=\"16\" font-weight=\"600\">{}</text>", escape(title));
-    draw_axes(&mut svg, steps, x, y);
+    draw_axes(&mut svg, ["step", "covered, %"], steps, x, y);
     for (index, one) in series.iter().enumerate() {
         draw_band(&mut svg, one, COLOURS[index % COLOURS.len()], if is_few { 0.13 } else { 0.05 }, x, y);
     }
@@ -72,6 +72,36 @@ pub fn coverage(title: &str, series: &[Series]) -> String {
     }
     // Coverage only grows, so the upper left corner is free for a few names.
     draw_legend(&mut svg, series, if is_few { AXES[0] + 12.0 } else { AXES[2] + 12.0 });
+    svg + "</svg>\n"
+}
+
+/// What walks were worth at some minutes of a training: a line with points for each measure, as a share from 0 to 1.
+pub fn learning_curve(title: &str, minutes: &[f64], measures: &[(&str, Vec<f64>)]) -> String {
+    let last = minutes.iter().fold(1.0, |a: f64, &b| a.max(b));
+    let across = |minute: f64| AXES[0] + (AXES[2] - AXES[0]) * minute / last;
+    let up = |share: f32| AXES[3] - (AXES[3] - AXES[1]) * f64::from(share.clamp(0.0, 1.0));
+    let mut svg = open(SIZE);
+    let left = AXES[0];
+    let _ = writeln!(svg, "<text x=\"{left}\" y=\"32\" font-size=\"16\" font-weight=\"600\">{}</text>", escape(title));
+    draw_axes(&mut svg, ["minutes of training", "share, %"], last as usize, |minute| across(minute as f64), up);
+    for (index, (name, values)) in measures.iter().enumerate() {
+        let ink = ink(index);
+        let line: Vec<[f64; 2]> =
+            minutes.iter().zip(values).map(|(&minute, &value)| [across(minute), up(value as f32)]).collect();
+        let points: Vec<String> = line.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        let _ = writeln!(svg, "<polyline points=\"{}\" fill=\"none\" {ink} stroke-width=\"2.4\"/>", points.join(" "));
+        for [x, y] in &line {
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"{}\"/>",
+                COLOURS[index % COLOURS.len()]
+            );
+        }
+        if let (Some([x, y]), Some(value)) = (line.last(), values.last()) {
+            let label = format!("{} {value:.3}", escape(name));
+            let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", y - 12.0);
+        }
+    }
     svg + "</svg>\n"
 }
 
@@ -136,7 +166,8 @@ pub fn scatter(title: &str, names: [&str; 2], points: &[(String, [f64; 2])]) -> 
     svg + "</svg>\n"
 }
 
-fn draw_axes(svg: &mut String, steps: usize, x: impl Fn(usize) -> f64, y: impl Fn(f32) -> f64) {
+/// Axes with their names, from 0 to `last` and from 0 to 100 %.
+fn draw_axes(svg: &mut String, [across, up]: [&str; 2], last: usize, x: impl Fn(usize) -> f64, y: impl Fn(f32) -> f64) {
     for percent in (0..=100_u8).step_by(20) {
         let at = y(f32::from(percent) / 100.0);
         let colour = if percent == 0 { "#555" } else { "#e3e6ea" };
@@ -144,17 +175,15 @@ fn draw_axes(svg: &mut String, steps: usize, x: impl Fn(usize) -> f64, y: impl F
         let _ = writeln!(svg, "<path d=\"M{left} {at:.1}H{right}\" stroke=\"{colour}\"/>");
         let _ = writeln!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{percent}</text>", left - 9.0, at + 4.5);
     }
-    let stride = tick(steps);
-    for step in (0..=steps).step_by(stride) {
-        let (at, bottom) = (x(step), AXES[3]);
+    for round in (0..=last).step_by(tick(last)) {
+        let (at, bottom) = (x(round), AXES[3]);
         let _ = writeln!(svg, "<path d=\"M{at:.1} {bottom}v5\" stroke=\"#555\"/>");
-        let _ = writeln!(svg, "<text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{step}</text>", bottom + 21.0);
+        let _ = writeln!(svg, "<text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{round}</text>", bottom + 21.0);
     }
     let (middle, bottom) = ((AXES[0] + AXES[2]) / 2.0, AXES[3] + 44.0);
-    let _ = writeln!(svg, "<text x=\"{middle}\" y=\"{bottom}\" text-anchor=\"middle\">step</text>");
+    let _ = writeln!(svg, "<text x=\"{middle}\" y=\"{bottom}\" text-anchor=\"middle\">{across}</text>");
     let side = (AXES[1] + AXES[3]) / 2.0;
-    let _ =
-        writeln!(svg, "<text transform=\"translate(22 {side}) rotate(-90)\" text-anchor=\"middle\">covered, %</text>");
+    let _ = writeln!(svg, "<text transform=\"translate(22 {side}) rotate(-90)\" text-anchor=\"middle\">{up}</text>");
 }
 
 /// 1, 2 or 5 times a power of ten, so that an axis has at most ten ticks.
@@ -254,6 +283,18 @@ mod tests {
         assert_eq!((svg.matches("<polyline").count(), svg.matches("<polygon").count()), (2, 1));
         assert!(svg.contains("Rooms &amp; halls") && svg.contains("a&lt;b"));
         assert!(coverage("empty", &[]).ends_with("</svg>\n"));
+    }
+
+    #[test]
+    fn learning_curves_end_in_their_last_figures() {
+        let svg = learning_curve(
+            "nbp",
+            &[5.0, 11.0, 42.4],
+            &[("Final Cov.", vec![0.6, 0.7, 0.711]), ("AUC", vec![0.5, 0.52, 0.55])],
+        );
+        assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (2, 6));
+        assert!(svg.contains("Final Cov. 0.711") && svg.contains("minutes of training") && svg.contains(">40</text>"));
+        assert!(learning_curve("empty", &[], &[]).ends_with("</svg>\n"));
     }
 
     #[test]

@@ -23,13 +23,14 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
     let folder = tempfile::tempdir().unwrap();
     let run_folder = folder.path().join("run");
     let table = train(&run_folder, &[]);
-    for policy in ["random", "fbe", "nbp"] {
+    for policy in ["random", "fbe", "nbp", "nbp-published"] {
         assert!(table.contains(policy), "{table}");
     }
     for file in [
         "config.toml",
         "metrics.jsonl",
         "learning-curve.csv",
+        "learning-curve.svg",
         "eval/summary.json",
         "eval/episodes.csv",
         "checkpoints/best/config.json",
@@ -61,8 +62,9 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
 
     let rows: serde_json::Value =
         serde_json::from_slice(&fs::read(run_folder.join("eval/summary.json")).unwrap()).unwrap();
-    assert_eq!(rows.as_array().unwrap().len(), 3);
+    assert_eq!(rows.as_array().unwrap().len(), 4);
     assert!(rows[2]["auc_mean"].as_f64().unwrap() > 0.0);
+    assert_ne!(rows[2]["auc_mean"], rows[3]["auc_mean"], "another network, with settings of its own");
 }
 
 #[test]
@@ -72,7 +74,6 @@ fn values_of_looks_are_learnt_and_walks_choose_the_best_weights() {
     let settings = [
         "scenes.train.level=mixed",
         "sim.encode.occupancy=true",
-        "sim.encode.nodes=true",
         "collect.labels=looks",
         "collect.policy.goals=surroundings",
         "policy.goals=surroundings",

@@ -210,11 +210,18 @@ pub struct EvalSection {
     pub steps: usize,
     /// Start poses for each scene (paper: 5).
     pub starts: usize,
+    /// One more row, `nbp-published`: the network that comes with the repository, with its own settings.
+    pub published: bool,
 }
 
 impl Default for EvalSection {
     fn default() -> Self {
-        Self { policies: vec![PolicyKind::Random, PolicyKind::Fbe, PolicyKind::Nbp], steps: 100, starts: 5 }
+        Self {
+            policies: vec![PolicyKind::Random, PolicyKind::Fbe, PolicyKind::Nbp],
+            steps: 100,
+            starts: 5,
+            published: true,
+        }
     }
 }
 

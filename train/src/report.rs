@@ -7,10 +7,10 @@ use crate::log::Log;
 use crate::scenes;
 use anyhow::{Context as _, Result};
 use nbp_env::label::Sample;
-use nbp_env::{Lattice, Prediction, Predictor, World};
+use nbp_env::{Lattice, Prediction, Predictor, SimConfig, World};
 use nbp_infer::eval::{self, EvalConfig};
-use nbp_infer::registry::PolicyContext;
-use nbp_infer::{checkpoint as infer_checkpoint, export, picture, table};
+use nbp_infer::registry::{PolicyContext, PolicyKind};
+use nbp_infer::{EpisodeRecord, checkpoint as infer_checkpoint, export, picture, table};
 use nbp_model::{NetPredictor, weights};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,6 +19,9 @@ use std::time::Duration;
 
 /// Probability from which pictures show an obstacle.
 const OBSTACLE_THRESHOLD: f32 = 0.5;
+
+/// Row of the network that comes with the repository.
+const PUBLISHED: &str = "nbp-published";
 
 /// Coverage of every scene, speed of the simulator, and the last plan of the first trajectory.
 pub fn log_trajectories(
@@ -93,10 +96,11 @@ pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
     };
     let starts = worlds.iter().map(|world| world.scene().starts().len().min(config.eval.starts)).sum::<usize>();
     let bar = log.bars.start("held-out episodes", starts * compared.policies.len());
-    let episodes = eval::run(&worlds, &context, &compared, &[], |record, _| {
+    let mut episodes = eval::run(&worlds, &context, &compared, &[], |record, _| {
         bar.advance(format!("{} on {}: {:.1} %", record.policy, record.scene, 100.0 * record.final_coverage));
     })?;
     bar.finish();
+    episodes.extend(published(config, &worlds, compared, log)?);
     let rows = table::summarise(&episodes, &BTreeMap::new());
     let summary = serde_json::to_string_pretty(&rows)?;
     let files = [
@@ -109,4 +113,35 @@ pub fn final_table(config: &Config, run: &Path, log: &Log) -> Result<String> {
         weights::write_atomic(&path, text.as_bytes()).with_context(|| format!("writing {}", path.display()))?;
     }
     Ok(table::text(&rows))
+}
+
+/// The same episodes with the network that comes with the repository, and its settings: what a run may be measured by. None where it is
+/// not there, not asked for, or was made for another task.
+fn published(config: &Config, worlds: &[Arc<World>], compared: EvalConfig, log: &Log) -> Result<Vec<EpisodeRecord>> {
+    let folder = infer_checkpoint::published("nbp");
+    if !config.eval.published || !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let (_, settings) = infer_checkpoint::read(&folder)?;
+    let encode = settings.sim.encode;
+    if settings.sim != (SimConfig { encode, ..config.sim.clone() }) {
+        tracing::info!("{} was made for another simulator: no row {PUBLISHED}", folder.display());
+        return Ok(Vec::new());
+    }
+    let worlds: Vec<Arc<World>> =
+        worlds.iter().map(|world| Ok(Arc::new(world.with_encode(encode)?))).collect::<Result<_>>()?;
+    let network = infer_checkpoint::load(&folder, config.device)?;
+    let context = PolicyContext {
+        predictor: Some(Arc::new(network.predictor)),
+        nbp: settings.policy,
+        ..PolicyContext::default()
+    };
+    let compared = EvalConfig { policies: vec![PolicyKind::Nbp], ..compared };
+    let starts = worlds.iter().map(|world| world.scene().starts().len().min(config.eval.starts)).sum();
+    let bar = log.bars.start(&format!("held-out episodes of {PUBLISHED}"), starts);
+    let episodes = eval::run(&worlds, &context, &compared, &[], |record, _| {
+        bar.advance(format!("{}: {:.1} %", record.scene, 100.0 * record.final_coverage));
+    })?;
+    bar.finish();
+    Ok(episodes.into_iter().map(|record| EpisodeRecord { policy: PUBLISHED.into(), ..record }).collect())
 }

@@ -8,6 +8,7 @@ use anyhow::Result;
 use nbp_env::metrics::mean_std;
 use nbp_env::{Predictor, World};
 use nbp_infer::eval::{self, EvalConfig};
+use nbp_infer::plot;
 use nbp_infer::registry::{PolicyContext, PolicyKind};
 use nbp_model::weights;
 use serde::{Deserialize, Serialize};
@@ -55,7 +56,7 @@ pub fn walk(worlds: &[Arc<World>], network: Arc<dyn Predictor>, config: &Config,
     Ok([mean(|record| record.final_coverage), mean(|record| record.auc)])
 }
 
-/// Writes the learning curve of a run as CSV.
+/// Writes the learning curve of a run as CSV and as a picture.
 ///
 /// # Errors
 /// When the disk refuses.
@@ -64,5 +65,9 @@ pub fn write_curve(run: &Path, curve: &[Walks]) -> std::io::Result<()> {
     for Walks { iteration, steps, samples, seconds, coverage, auc } in curve {
         let _ = writeln!(csv, "{iteration},{steps},{samples},{seconds:.0},{coverage:.4},{auc:.4}");
     }
-    weights::write_atomic(&run.join("learning-curve.csv"), csv.as_bytes())
+    weights::write_atomic(&run.join("learning-curve.csv"), csv.as_bytes())?;
+    let of = |measure: fn(&Walks) -> f64| curve.iter().map(measure).collect::<Vec<f64>>();
+    let measures = [("Final Cov.", of(|walks| walks.coverage)), ("AUC", of(|walks| walks.auc))];
+    let svg = plot::learning_curve("Walks on validation maps", &of(|walks| walks.seconds / 60.0), &measures);
+    weights::write_atomic(&run.join("learning-curve.svg"), svg.as_bytes())
 }
