@@ -95,6 +95,9 @@ pub struct RowConfig {
     pub policy: Option<String>,
     /// Checkpoint folder, for policies that ask a network. Its settings hold for the row.
     pub checkpoint: Option<PathBuf>,
+    /// Other checkpoints for some data sets, by their names: a network for each level, as the paper has it. They must have been
+    /// trained with the same settings.
+    pub checkpoints: BTreeMap<String, PathBuf>,
     /// Take the obstacle map from another checkpoint: networks that learnt one task each.
     pub obstacle_checkpoint: Option<PathBuf>,
     /// Episodes from each start, each with a seed of its own: 5 for policies that draw by chance.
@@ -109,6 +112,7 @@ impl Default for RowConfig {
             name: String::new(),
             policy: None,
             checkpoint: None,
+            checkpoints: BTreeMap::new(),
             obstacle_checkpoint: None,
             seeds: 1,
             set: toml::Table::new(),
@@ -252,6 +256,7 @@ impl BenchConfig {
                 };
                 if is_meant {
                     row.checkpoint = Some(path.clone());
+                    row.checkpoints.clear();
                 }
             }
         }

@@ -29,6 +29,29 @@ pub struct Row {
     pub obstacle_checkpoint: Option<PathBuf>,
     /// The bytes of all these weights.
     pub weights: Vec<u8>,
+    /// Data sets with networks of their own.
+    pub of_sets: BTreeMap<String, Weights>,
+}
+
+/// A network of a row in a data set.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// Where it is from.
+    pub checkpoint: PathBuf,
+    /// The bytes of its weights and, if its obstacle map is another network's, of those.
+    pub bytes: Vec<u8>,
+}
+
+impl Row {
+    /// Where its network in a data set is from.
+    pub fn checkpoint_in(&self, set: &str) -> Option<&Path> {
+        self.of_sets.get(set).map(|own| own.checkpoint.as_path()).or(self.checkpoint.as_deref())
+    }
+
+    /// The bytes of its weights in a data set.
+    pub fn weights_in(&self, set: &str) -> &[u8] {
+        self.of_sets.get(set).map_or(&self.weights, |own| &own.bytes)
+    }
 }
 
 /// A data set, scenes read.
@@ -176,14 +199,13 @@ impl Manifest {
             })
         });
         let infos: Vec<RowInfo> = infos.collect::<Result<_, PlanError>>()?;
-        let weights: Vec<u64> = rows.iter().map(|row| hash(&row.weights)).collect();
         // A setting that is new, and at its default changes nothing, leaves what was computed before it in force.
         let usual = plain(&Settings::default())?;
         let unusual: Vec<Value> = infos.iter().map(|info| beyond(&usual, &info.settings).unwrap_or_default()).collect();
         let sim = rows.first().map(|row| plain(&terms_of(&row.settings.sim))).transpose()?;
         let sim = sim.and_then(|sim| beyond(&usual["sim"], &sim)).unwrap_or_default();
         let Terms { starts, seed, visible, released, .. } = *terms;
-        let scene_plan = |set: &DataSet, scene: &Scene| {
+        let scene_plan = |set: &DataSet, weights: &[u64], scene: &Scene| {
             let of_scene = of_scene(scene);
             let starts = scene.starts().len().min(starts);
             let cell = |((row, weights), settings): ((&RowInfo, &u64), &Value)| {
@@ -195,12 +217,13 @@ impl Manifest {
                 name: scene.name().to_owned(),
                 starts,
                 fingerprint: print(format!("{version} {of_scene:016x} {sim} {visible}")),
-                cells: infos.iter().zip(&weights).zip(&unusual).map(cell).collect(),
+                cells: infos.iter().zip(weights).zip(&unusual).map(cell).collect(),
             }
         };
         let set_plan = |set: &DataSet| {
             check_scenes(set)?;
-            let scenes = set.scenes.iter().map(|scene| scene_plan(set, scene)).collect();
+            let weights: Vec<u64> = rows.iter().map(|row| hash(row.weights_in(&set.name))).collect();
+            let scenes = set.scenes.iter().map(|scene| scene_plan(set, &weights, scene)).collect();
             Ok(SetPlan { name: set.name.clone(), steps: set.steps, paper: set.paper.clone(), scenes })
         };
         let sets = sets.iter().map(set_plan).collect::<Result<Vec<_>, PlanError>>()?;

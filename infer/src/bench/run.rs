@@ -61,21 +61,23 @@ pub struct Measures {
 
 /// A row at work.
 pub struct Runner {
-    /// What is built from the settings and the network.
-    pub context: PolicyContext,
+    /// What is built from the settings and the network, for each data set in turn.
+    pub contexts: Vec<PolicyContext>,
     /// The simulator.
     pub sim: SimConfig,
 }
 
 impl Runner {
-    /// Of a row and its network.
-    pub fn new(row: &Row, network: Option<Network>) -> Self {
-        let context = PolicyContext::new(&row.settings);
-        let context = match network {
-            Some(network) => context.with(row.kind, network, row.settings.nbv),
-            None => context,
+    /// Of a row and its network in each data set, where there is something to do.
+    pub fn new(row: &Row, networks: Vec<Option<Network>>) -> Self {
+        let context = |network| {
+            let context = PolicyContext::new(&row.settings);
+            match network {
+                Some(network) => context.with(row.kind, network, row.settings.nbv),
+                None => context,
+            }
         };
-        Self { context, sim: row.settings.sim.clone() }
+        Self { contexts: networks.into_iter().map(context).collect(), sim: row.settings.sim.clone() }
     }
 }
 
@@ -217,7 +219,7 @@ impl Work<'_> {
         let (row, runner) = (&self.manifest.rows[number], &self.runners[number]);
         let world = self.world(key, number)?;
         let of_row = |source| RunError::Rollout { row: row.name.clone(), source: Box::new(source) };
-        let mut policy = registry::build(row.policy, &runner.context, &world)
+        let mut policy = registry::build(row.policy, &runner.contexts[key.set], &world)
             .map_err(|source| RunError::Registry { row: row.name.clone(), source })?;
         let mut episode = trial.episode(&world).map_err(of_row)?;
         if self.measures.released {

@@ -11,9 +11,9 @@ use nbp_env::explain::show;
 use nbp_env::scene::LoadOptions;
 use nbp_env::{Scene, parallel};
 use nbp_infer::bench::config::{BenchConfig, Choices, DataConfig, Origin, RowConfig};
-use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms};
+use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms, Weights};
 use nbp_infer::bench::run::{self, Measures, Place, Runner};
-use nbp_infer::bench::store::{self, BenchError, FileKey};
+use nbp_infer::bench::store::{self, BenchError, FileKey, SetPlan};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
 use nbp_infer::{PolicyKind, Settings, checkpoint, report, source};
@@ -167,7 +167,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let survey = plan::survey(out.folder(), &manifest, &mine)?;
     tell_survey(&survey, mine.len(), talk);
     let open = &survey.open;
-    let runners = runners(&rows, open, device, talk)?;
+    let runners = runners(&rows, &manifest, open, device, talk)?;
     let sim = rows.first().map(|row| row.settings.sim.clone()).unwrap_or_default();
     let worlds = run::worlds(needed(sets, open), &sim)?;
     // From here on the old tables are gone.
@@ -214,23 +214,37 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
     let resolve = || {
         let kind = row.kind()?;
         let checkpoint = row.checkpoint.clone().or_else(|| kind.architecture().map(checkpoint::published));
-        let checkpoints = [&checkpoint, &row.obstacle_checkpoint];
-        if !kind.needs_network() && checkpoints.iter().any(|path| path.is_some()) {
+        let has_networks = checkpoint.is_some() || !row.checkpoints.is_empty() || row.obstacle_checkpoint.is_some();
+        if !kind.needs_network() && has_networks {
             bail!("policy {kind} asks no network: leave the checkpoint out");
         }
         if row.obstacle_checkpoint.is_some() && kind.architecture() != PolicyKind::Nbp.architecture() {
             bail!("policy {kind} asks for no obstacle map: leave obstacle_checkpoint out");
         }
-        let (mut settings, mut trained, mut weights) = (Settings::default(), Vec::new(), Vec::new());
-        for (number, path) in checkpoints.into_iter().flatten().enumerate() {
-            let architecture = kind.architecture().unwrap_or_default();
-            let found = checkpoint::read_as(architecture, path);
-            let (maps, trained_with) = found.context("cannot use the checkpoint")?;
-            weights.extend(checkpoint::bytes(path)?);
-            trained.extend(maps);
-            if number == 0 {
-                settings = trained_with;
+        let architecture = kind.architecture().unwrap_or_default();
+        // The settings are those of the first network.
+        let read = |main: &PathBuf| -> Result<(Vec<_>, Settings, Vec<u8>)> {
+            let (maps, settings) = checkpoint::read_as(architecture, main).context("cannot use the checkpoint")?;
+            let (mut trained, mut weights) = (Vec::from_iter(maps), checkpoint::bytes(main)?);
+            if let Some(path) = &row.obstacle_checkpoint {
+                trained.extend(checkpoint::read_as(architecture, path).context("cannot use the checkpoint")?.0);
+                weights.extend(checkpoint::bytes(path)?);
             }
+            Ok((trained, settings, weights))
+        };
+        let (mut trained, mut settings, weights) = checkpoint.as_ref().map(read).transpose()?.unwrap_or_default();
+        let mut of_sets = BTreeMap::new();
+        for (set, path) in &row.checkpoints {
+            let (maps, theirs, bytes) = read(path)?;
+            if theirs != settings {
+                bail!(
+                    "the checkpoint for {set}, {}, was trained with other settings than that for the rest, {}: make them two rows",
+                    path.display(),
+                    checkpoint.unwrap_or_default().display()
+                );
+            }
+            trained.extend(maps);
+            of_sets.insert(set.clone(), Weights { checkpoint: path.clone(), bytes });
         }
         for (key, table) in [("sim", sim), ("", &row.set)] {
             settings = overrides::assign(&settings, &overrides::assignments(key, &toml::Value::Table(table.clone()))?)?;
@@ -240,7 +254,16 @@ fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
         settings.nbv.validate().context("nbv")?;
         trained.iter().try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
         let obstacle_checkpoint = row.obstacle_checkpoint.clone();
-        Ok(Row { name: row.name.clone(), kind, seeds: row.seeds, settings, checkpoint, obstacle_checkpoint, weights })
+        Ok(Row {
+            name: row.name.clone(),
+            kind,
+            seeds: row.seeds,
+            settings,
+            checkpoint,
+            obstacle_checkpoint,
+            weights,
+            of_sets,
+        })
     };
     resolve().with_context(|| format!("row {}", row.name))
 }
@@ -347,25 +370,30 @@ fn tell_survey(survey: &Survey, total: usize, talk: Talk) {
 }
 
 /// The rows, with the networks of those that have something to do.
-fn runners(rows: &[Row], open: &[FileKey], device: DeviceChoice, talk: Talk) -> Result<Vec<Runner>> {
+fn runners(
+    rows: &[Row],
+    manifest: &Manifest,
+    open: &[FileKey],
+    device: DeviceChoice,
+    talk: Talk,
+) -> Result<Vec<Runner>> {
     let mut networks = BTreeMap::new();
     let mut runners = Vec::new();
     for (number, row) in rows.iter().enumerate() {
-        let is_open = open.iter().any(|key| key.row == Some(number));
-        let mut network = None;
-        if let (Some(path), true) = (&row.checkpoint, is_open) {
+        let mut network_in = |(set, plan): (usize, &SetPlan)| -> Result<Option<Network>> {
+            let is_open = open.iter().any(|key| key.row == Some(number) && key.set == set);
+            let Some(path) = row.checkpoint_in(&plan.name).filter(|_| is_open) else { return Ok(None) };
             let obstacle = row.obstacle_checkpoint.as_deref();
-            network = match networks.get(&(path, obstacle)) {
-                Some(network) => Some(Network::clone(network)),
-                None => {
-                    let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
-                    let network = network.with_context(|| format!("row {}", row.name))?;
-                    networks.insert((path, obstacle), Network::clone(&network));
-                    Some(network)
-                }
-            };
-        }
-        runners.push(Runner::new(row, network));
+            if let Some(network) = networks.get(&(path, obstacle)) {
+                return Ok(Some(Network::clone(network)));
+            }
+            let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
+            let network = network.with_context(|| format!("row {}", row.name))?;
+            networks.insert((path, obstacle), Network::clone(&network));
+            Ok(Some(network))
+        };
+        let networks = manifest.sets.iter().enumerate().map(&mut network_in).collect::<Result<_>>()?;
+        runners.push(Runner::new(row, networks));
     }
     Ok(runners)
 }

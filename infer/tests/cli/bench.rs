@@ -1,6 +1,6 @@
 //! `infer bench`: the same bytes however it was run, and what it says of what it cannot do.
 
-use super::{fails, infer, json, succeeds, write_checkpoint, write_scenes, write_views};
+use super::{fails, infer, json, succeeds, write_checkpoint, write_network, write_scenes, write_views};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -192,6 +192,44 @@ fn a_bench_computes_again_what_no_longer_holds_and_never_becomes_smaller() {
         fails(dir.path(), again, 1, &format!("holds a bench with {lost}"));
     }
     assert!(out.join("summary.md").exists());
+}
+
+#[test]
+fn a_row_may_have_a_network_for_each_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    write_scenes(dir.path());
+    write_network(&dir.path().join("net"), 1);
+    write_network(&dir.path().join("other"), 2);
+    let row = |name: &str, rest: &str| format!("[[policies]]\nname = '{name}'\npolicy = 'nbp'\n{rest}\n");
+    let config = [
+        "starts = 2\nvisible = false\nreference = 'net'\n[[data]]\nname = 'rooms'\nsteps = 8\npaths = ['scenes']\n"
+            .to_owned(),
+        "[[data]]\nname = 'more'\nsteps = 8\npaths = ['scenes']\n".to_owned(),
+        row("net", "checkpoint = 'net'"),
+        row("other", "checkpoint = 'other'"),
+        row("each", "checkpoint = 'net'\ncheckpoints = { more = 'other' }"),
+    ];
+    fs::write(dir.path().join("bench.toml"), config.concat()).unwrap();
+    succeeds(dir.path(), "bench --config bench.toml --out out");
+    let walks = |set: &str, row: &str| {
+        let cell = json(&dir.path().join(format!("out/cells/{set}/a/{row}.json")));
+        cell["content"].as_array().unwrap().iter().map(|episode| episode["poses"].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!((walks("rooms", "each"), walks("more", "each")), (walks("rooms", "net"), walks("more", "other")));
+    assert_ne!(walks("more", "net"), walks("more", "other"));
+
+    // Its weights count where they are used: two scenes of the row `each`, four of the row `other`.
+    write_network(&dir.path().join("other"), 3);
+    fails(dir.path(), "bench --config bench.toml --out out", 1, "has 6 files of other settings");
+    // One network for all takes its place.
+    fails(dir.path(), "bench --config bench.toml --out out --checkpoint each=net", 1, "has 6 files of other settings");
+    write_network(&dir.path().join("other"), 2);
+    fails(dir.path(), "bench --config bench.toml --out out --checkpoint each=net", 1, "has 2 files of other settings");
+    let about = dir.path().join("other/config.json");
+    let text = fs::read_to_string(&about).unwrap();
+    fs::write(&about, text.replace("\"pixels\": 32", "\"pixels\": 64")).unwrap();
+    let says = "row each: the checkpoint for more, other, was trained with other settings than that for the rest, net";
+    fails(dir.path(), "bench --config bench.toml --out out", 1, says);
 }
 
 #[test]

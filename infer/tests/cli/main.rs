@@ -53,10 +53,14 @@ fn write_scenes(folder: &Path) {
 
 /// A tiny untrained network in `net`.
 fn write_checkpoint(folder: &Path) {
+    write_network(&folder.join("net"), 1);
+}
+
+fn write_network(folder: &Path, seed: u64) {
     let net = NetConfig { base: 2, ..NetConfig::default() };
     let device = DeviceChoice::Flex.resolve().unwrap();
     let config = CheckpointConfig::new(net, WindowSize { pixels: 32, metres: 20.0 });
-    weights::save(&folder.join("net"), &Nbp::new(&net, 1, &device).unwrap(), &config).unwrap();
+    weights::save(folder, &Nbp::new(&net, seed, &device).unwrap(), &config).unwrap();
 }
 
 /// Tiny untrained networks of `scone` in `views`.
