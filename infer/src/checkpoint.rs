@@ -108,7 +108,7 @@ pub enum CheckpointError {
     )]
     Mismatch {
         /// Which setting.
-        what: &'static str,
+        what: String,
         /// As trained.
         trained: String,
         /// As set.
@@ -250,9 +250,30 @@ pub fn check(config: &CheckpointConfig, sim: &SimConfig) -> Result<(), Checkpoin
         ("a window of", window(trained.pixels, trained.metres), window(found.pixels, found.metres)),
         ("this number of input channels:", config.net.in_channels.to_string(), sim.encode.channels().to_string()),
     ];
-    match pairs.into_iter().find(|(_, trained, found)| trained != found) {
-        Some((what, trained, found)) => Err(CheckpointError::Mismatch { what, trained, found }),
+    let mismatch = |what: &str, trained: String, found: String| {
+        Err(CheckpointError::Mismatch { what: what.to_owned(), trained, found })
+    };
+    if let Some((what, trained, found)) = pairs.into_iter().find(|(_, trained, found)| trained != found) {
+        return mismatch(what, trained, found);
+    }
+    // As many channels may mean other things. What weights from elsewhere were shown is for their owner to say.
+    let Ok(Some(trained)) = note::<SimConfig>(&config.meta, SIM) else { return Ok(()) };
+    let values = plain(&trained.encode).and_then(|trained| Ok((trained, plain(&sim.encode)?)));
+    match values.ok().and_then(|(trained, found)| difference("sim.encode", &trained, &found)) {
+        Some((key, trained, found)) => mismatch(&key, trained.to_string(), found.to_string()),
         None => Ok(()),
+    }
+}
+
+/// The first key in which two values differ, and both.
+pub(crate) fn difference(key: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
+    match (a, b) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys());
+            let of = |map: &Map<String, Value>, name: &str| map.get(name).cloned().unwrap_or_default();
+            keys.into_iter().find_map(|name| difference(&format!("{key}.{name}"), &of(a, name), &of(b, name)))
+        }
+        _ => (a != b).then(|| (key.to_owned(), a.clone(), b.clone())),
     }
 }
 
@@ -369,6 +390,17 @@ mod tests {
         write(dir.path(), &config);
         let error = read(dir.path()).unwrap_err().to_string();
         assert!(error.contains("32 pixels over 20 m") && error.contains("256 pixels over 40 m"), "{error}");
+        // As many channels, but not the same ones.
+        config.window = WindowSize::default();
+        let mut sim = SimConfig::default();
+        sim.encode.trajectory = Trajectory::Captures;
+        let error = check(&config, &sim).unwrap_err().to_string();
+        assert!(
+            error.contains("trained with sim.encode.trajectory \"key_poses\", but the settings have \"captures\""),
+            "{error}"
+        );
+        config.meta.clear();
+        assert!(check(&config, &sim).is_ok(), "nobody knows");
         config.meta.insert(SIM.into(), serde_json::json!({"keeep": 0.1}));
         write(dir.path(), &config);
         let error = read(dir.path()).unwrap_err().to_string();

@@ -2,7 +2,7 @@
 
 use super::limits::check_names;
 use super::store::{BenchError, FileKey, Found, Manifest, Published, RowInfo, ScenePlan, SetPlan};
-use crate::checkpoint::{Settings, plain};
+use crate::checkpoint::{Settings, difference, plain};
 use crate::journal::{BEHAVIOUR, of_scene};
 use crate::registry::PolicyKind;
 use crate::seal::hash;
@@ -166,17 +166,6 @@ fn beyond(usual: &Value, settings: &Value) -> Option<Value> {
             (!parts.is_empty()).then(|| parts.into())
         }
         _ => (usual != settings).then(|| settings.clone()),
-    }
-}
-
-fn difference(key: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
-    match (a, b) {
-        (Value::Object(a), Value::Object(b)) => {
-            let keys = a.keys().chain(b.keys());
-            let of = |map: &serde_json::Map<String, Value>, name: &str| map.get(name).cloned().unwrap_or_default();
-            keys.into_iter().find_map(|name| difference(&format!("{key}.{name}"), &of(a, name), &of(b, name)))
-        }
-        _ => (a != b).then(|| (key.to_owned(), a.clone(), b.clone())),
     }
 }
 
