@@ -59,6 +59,9 @@ pub struct DataConfig {
     pub name: String,
     /// Steps of an episode (paper: 100, 200, 400, 500 from Simple to Insane).
     pub steps: usize,
+    /// For which of the paper's levels the networks of [`LEVEL`] are: simple, normal, hard or insane. If left out, that of `generate`,
+    /// the one that the data set is called after, or else normal.
+    pub level: Option<String>,
     /// Maps made from seeds.
     pub generate: Option<Generate>,
     /// Scene folders, OBJ files, WADs, single maps as FILE.wad:MAP01, folders of these.
@@ -85,6 +88,9 @@ pub struct Generate {
     pub seed: u64,
 }
 
+/// In the path of a row's checkpoint: each data set's level.
+pub const LEVEL: &str = "{level}";
+
 /// A row of the tables.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -93,11 +99,9 @@ pub struct RowConfig {
     pub name: String,
     /// Kind of policy; the one of this name if left out.
     pub policy: Option<String>,
-    /// Checkpoint folder, for policies that ask a network. Its settings hold for the row.
+    /// Checkpoint folder, for policies that ask a network. Its settings hold for the row. [`LEVEL`] in it stands for each data set's
+    /// [`DataConfig::level`]: a network for each level, as the paper has it, all of them with the same settings.
     pub checkpoint: Option<PathBuf>,
-    /// Other checkpoints for some data sets, by their names: a network for each level, as the paper has it. They must have been
-    /// trained with the same settings.
-    pub checkpoints: BTreeMap<String, PathBuf>,
     /// Take the obstacle map from another checkpoint: networks that learnt one task each.
     pub obstacle_checkpoint: Option<PathBuf>,
     /// Episodes from each start, each with a seed of its own: 5 for policies that draw by chance.
@@ -112,7 +116,6 @@ impl Default for RowConfig {
             name: String::new(),
             policy: None,
             checkpoint: None,
-            checkpoints: BTreeMap::new(),
             obstacle_checkpoint: None,
             seeds: 1,
             set: toml::Table::new(),
@@ -183,6 +186,13 @@ fn wrong<T>(message: impl Into<String>) -> Result<T, ConfigError> {
 }
 
 impl RowConfig {
+    /// Its checkpoint for a data set, as far as it names one.
+    pub fn checkpoint_for(&self, set: &DataConfig) -> Option<PathBuf> {
+        let with_level =
+            |path: &PathBuf| path.to_str().map_or(path.clone(), |text| text.replace(LEVEL, set.level()).into());
+        self.checkpoint.as_ref().map(with_level)
+    }
+
     /// Its kind of policy.
     ///
     /// # Errors
@@ -256,7 +266,6 @@ impl BenchConfig {
                 };
                 if is_meant {
                     row.checkpoint = Some(path.clone());
-                    row.checkpoints.clear();
                 }
             }
         }
@@ -313,6 +322,13 @@ pub enum Origin {
 }
 
 impl DataConfig {
+    /// Its place in the folder of a row's networks.
+    pub fn level(&self) -> &str {
+        let generated = self.generate.as_ref().map(|generate| &generate.level);
+        let named = Some(&self.name).filter(|name| name.parse::<Level>().is_ok());
+        self.level.as_ref().or(generated).or(named).map_or("normal", String::as_str)
+    }
+
     /// Figures must be shares, and those of `rows` where these are known.
     fn check_paper(&self, rows: &BTreeSet<String>) -> Result<(), ConfigError> {
         for (row, paper) in &self.paper {
@@ -335,6 +351,7 @@ impl DataConfig {
             return wrong(format!("data set {set}: steps are missing or 0 (steps = 100, or --steps {set}=100)"));
         }
         check_count(&format!("data set {set}: steps"), self.steps, MOST_STEPS)?;
+        self.level().parse::<Level>().map_err(|reason| format!("data set {set}: {reason}"))?;
         let chooses = !self.only.is_empty() || self.drop_last > 0 || self.last.is_some();
         match &self.generate {
             Some(_) if chooses => wrong(format!(

@@ -27,30 +27,22 @@ pub struct Row {
     pub checkpoint: Option<PathBuf>,
     /// Where its obstacle map is from, if from another network.
     pub obstacle_checkpoint: Option<PathBuf>,
-    /// The bytes of all these weights.
-    pub weights: Vec<u8>,
-    /// Data sets with networks of their own.
-    pub of_sets: BTreeMap<String, Weights>,
+    /// Its network in each data set, in their order.
+    pub networks: Vec<Weights>,
 }
 
-/// A network of a row in a data set.
+/// A network of a row.
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Where it is from.
-    pub checkpoint: PathBuf,
-    /// The bytes of its weights and, if its obstacle map is another network's, of those.
-    pub bytes: Vec<u8>,
+    /// Where it is from; nowhere for policies that ask none.
+    pub checkpoint: Option<PathBuf>,
+    hash: u64,
 }
 
-impl Row {
-    /// Where its network in a data set is from.
-    pub fn checkpoint_in(&self, set: &str) -> Option<&Path> {
-        self.of_sets.get(set).map(|own| own.checkpoint.as_path()).or(self.checkpoint.as_deref())
-    }
-
-    /// The bytes of its weights in a data set.
-    pub fn weights_in(&self, set: &str) -> &[u8] {
-        self.of_sets.get(set).map_or(&self.weights, |own| &own.bytes)
+impl Weights {
+    /// Of where they are from and their bytes, which are none for policies that ask no network.
+    pub fn new(checkpoint: Option<PathBuf>, bytes: &[u8]) -> Self {
+        Self { checkpoint, hash: hash(bytes) }
     }
 }
 
@@ -194,11 +186,12 @@ impl Manifest {
         let sim = rows.first().map(|row| plain(&terms_of(&row.settings.sim))).transpose()?;
         let sim = sim.and_then(|sim| beyond(&usual["sim"], &sim)).unwrap_or_default();
         let Terms { starts, seed, visible, released, .. } = *terms;
-        let scene_plan = |set: &DataSet, weights: &[u64], scene: &Scene| {
+        let scene_plan = |number: usize, set: &DataSet, scene: &Scene| {
             let of_scene = of_scene(scene);
             let starts = scene.starts().len().min(starts);
-            let cell = |((row, weights), settings): ((&RowInfo, &u64), &Value)| {
-                let RowInfo { name, policy, seeds, .. } = row;
+            let cell = |((info, row), settings): ((&RowInfo, &Row), &Value)| {
+                let RowInfo { name, policy, seeds, .. } = info;
+                let weights = row.networks[number].hash;
                 let trial = format!("{starts} {} {seed} {seeds} {released}", set.steps);
                 print(format!("{version} {of_scene:016x} {trial} {name} {policy} {weights:016x} {settings}"))
             };
@@ -206,16 +199,15 @@ impl Manifest {
                 name: scene.name().to_owned(),
                 starts,
                 fingerprint: print(format!("{version} {of_scene:016x} {sim} {visible}")),
-                cells: infos.iter().zip(weights).zip(&unusual).map(cell).collect(),
+                cells: infos.iter().zip(rows).zip(&unusual).map(cell).collect(),
             }
         };
-        let set_plan = |set: &DataSet| {
+        let set_plan = |(number, set): (usize, &DataSet)| {
             check_scenes(set)?;
-            let weights: Vec<u64> = rows.iter().map(|row| hash(row.weights_in(&set.name))).collect();
-            let scenes = set.scenes.iter().map(|scene| scene_plan(set, &weights, scene)).collect();
+            let scenes = set.scenes.iter().map(|scene| scene_plan(number, set, scene)).collect();
             Ok(SetPlan { name: set.name.clone(), steps: set.steps, paper: set.paper.clone(), scenes })
         };
-        let sets = sets.iter().map(set_plan).collect::<Result<Vec<_>, PlanError>>()?;
+        let sets = sets.iter().enumerate().map(set_plan).collect::<Result<Vec<_>, PlanError>>()?;
         let reference = terms.reference.clone();
         Ok(Self { version, starts, seed, reference, visible, released, rows: infos, sets })
     }

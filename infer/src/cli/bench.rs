@@ -13,13 +13,13 @@ use nbp_env::{Scene, parallel};
 use nbp_infer::bench::config::{BenchConfig, Choices, DataConfig, Origin, RowConfig};
 use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms, Weights};
 use nbp_infer::bench::run::{self, Measures, Place, Runner};
-use nbp_infer::bench::store::{self, BenchError, FileKey, SetPlan};
+use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
 use nbp_infer::registry::Network;
 use nbp_infer::{PolicyKind, Settings, checkpoint, report, source};
-use nbp_model::DeviceChoice;
+use nbp_model::{CheckpointConfig, DeviceChoice};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let texts = names.iter().map(read).collect::<Result<Vec<String>>>()?;
     let config = BenchConfig::parse(&texts).and_then(|config| config.choose(&args.choices()));
     let config = config.with_context(|| format!("the configuration {}", names.join(" and ")))?;
-    let rows: Vec<Row> = config.policies.iter().map(|row| resolve(row, &config.sim)).collect::<Result<_>>()?;
+    let rows: Vec<Row> = config.policies.iter().map(|row| resolve(row, &config)).collect::<Result<_>>()?;
     plan::check_equal_terms(&rows)?;
     let sets = load(&config, talk)?;
     let terms = Terms {
@@ -167,7 +167,7 @@ pub(super) fn run(args: &Args, device: DeviceChoice, talk: Talk) -> Result<()> {
     let survey = plan::survey(out.folder(), &manifest, &mine)?;
     tell_survey(&survey, mine.len(), talk);
     let open = &survey.open;
-    let runners = runners(&rows, &manifest, open, device, talk)?;
+    let runners = runners(&rows, open, device, talk)?;
     let sim = rows.first().map(|row| row.settings.sim.clone()).unwrap_or_default();
     let worlds = run::worlds(needed(sets, open), &sim)?;
     // From here on the old tables are gone.
@@ -210,62 +210,71 @@ impl Args {
 }
 
 /// A row's settings: its checkpoint's, the bench's simulator over them, its own on top.
-fn resolve(row: &RowConfig, sim: &toml::Table) -> Result<Row> {
+fn resolve(row: &RowConfig, config: &BenchConfig) -> Result<Row> {
     let resolve = || {
         let kind = row.kind()?;
-        let checkpoint = row.checkpoint.clone().or_else(|| kind.architecture().map(checkpoint::published));
-        let has_networks = checkpoint.is_some() || !row.checkpoints.is_empty() || row.obstacle_checkpoint.is_some();
-        if !kind.needs_network() && has_networks {
+        if !kind.needs_network() && (row.checkpoint.is_some() || row.obstacle_checkpoint.is_some()) {
             bail!("policy {kind} asks no network: leave the checkpoint out");
         }
         if row.obstacle_checkpoint.is_some() && kind.architecture() != PolicyKind::Nbp.architecture() {
             bail!("policy {kind} asks for no obstacle map: leave obstacle_checkpoint out");
         }
-        let architecture = kind.architecture().unwrap_or_default();
-        // The settings are those of the first network.
-        let read = |main: &PathBuf| -> Result<(Vec<_>, Settings, Vec<u8>)> {
-            let (maps, settings) = checkpoint::read_as(architecture, main).context("cannot use the checkpoint")?;
-            let (mut trained, mut weights) = (Vec::from_iter(maps), checkpoint::bytes(main)?);
-            if let Some(path) = &row.obstacle_checkpoint {
-                trained.extend(checkpoint::read_as(architecture, path).context("cannot use the checkpoint")?.0);
-                weights.extend(checkpoint::bytes(path)?);
-            }
-            Ok((trained, settings, weights))
-        };
-        let (mut trained, mut settings, weights) = checkpoint.as_ref().map(read).transpose()?.unwrap_or_default();
-        let mut of_sets = BTreeMap::new();
-        for (set, path) in &row.checkpoints {
-            let (maps, theirs, bytes) = read(path)?;
-            if theirs != settings {
-                bail!(
-                    "the checkpoint for {set}, {}, was trained with other settings than that for the rest, {}: make them two rows",
-                    path.display(),
-                    checkpoint.unwrap_or_default().display()
-                );
-            }
-            trained.extend(maps);
-            of_sets.insert(set.clone(), Weights { checkpoint: path.clone(), bytes });
+        let published = kind.architecture().map(checkpoint::published);
+        let path_for = |set| row.checkpoint_for(set).or_else(|| published.clone());
+        let paths: Vec<Option<PathBuf>> = config.data.iter().map(path_for).collect();
+        let distinct: BTreeSet<&PathBuf> = paths.iter().flatten().collect();
+        let found = distinct.into_iter().map(|path| Ok((path, Found::read(row, kind, path)?)));
+        let found = found.collect::<Result<BTreeMap<&PathBuf, Found>>>()?;
+        let first = found.first_key_value();
+        let mut settings = first.map(|(_, first)| first.settings.clone()).unwrap_or_default();
+        let is_other = |(_, found): &(&&PathBuf, &Found)| found.settings != settings;
+        if let (Some((first, _)), Some((other, _))) = (first, found.iter().find(is_other)) {
+            let (first, other) = (first.display(), other.display());
+            bail!("{other} was trained with other settings than {first}, so they are not one row: make them two");
         }
-        for (key, table) in [("sim", sim), ("", &row.set)] {
+        for (key, table) in [("sim", &config.sim), ("", &row.set)] {
             settings = overrides::assign(&settings, &overrides::assignments(key, &toml::Value::Table(table.clone()))?)?;
         }
         settings.policy.validate().context("policy")?;
         settings.search.validate()?;
         settings.nbv.validate().context("nbv")?;
-        trained.iter().try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
-        let obstacle_checkpoint = row.obstacle_checkpoint.clone();
+        let mut trained = found.values().flat_map(|found| &found.trained);
+        trained.try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
+        let bytes = |path| found.get(path).map_or(&[][..], |found| &found.weights);
+        let networks = paths.iter().map(|path| Weights::new(path.clone(), path.as_ref().map_or(&[], bytes))).collect();
         Ok(Row {
             name: row.name.clone(),
             kind,
             seeds: row.seeds,
             settings,
-            checkpoint,
-            obstacle_checkpoint,
-            weights,
-            of_sets,
+            checkpoint: row.checkpoint.clone().or(published),
+            obstacle_checkpoint: row.obstacle_checkpoint.clone(),
+            networks,
         })
     };
     resolve().with_context(|| format!("row {}", row.name))
+}
+
+/// A network of a row, with that of its obstacle map if that is another.
+struct Found {
+    /// What the simulator must show them.
+    trained: Vec<CheckpointConfig>,
+    settings: Settings,
+    weights: Vec<u8>,
+}
+
+impl Found {
+    fn read(row: &RowConfig, kind: PolicyKind, path: &Path) -> Result<Self> {
+        let architecture = kind.architecture().unwrap_or_default();
+        let read = |path| checkpoint::read_as(architecture, path).context("cannot use the checkpoint");
+        let (maps, settings) = read(path)?;
+        let (mut trained, mut weights) = (Vec::from_iter(maps), checkpoint::bytes(path)?);
+        if let Some(path) = &row.obstacle_checkpoint {
+            trained.extend(read(path)?.0);
+            weights.extend(checkpoint::bytes(path)?);
+        }
+        Ok(Self { trained, settings, weights })
+    }
 }
 
 /// The scenes of all data sets.
@@ -370,29 +379,23 @@ fn tell_survey(survey: &Survey, total: usize, talk: Talk) {
 }
 
 /// The rows, with the networks of those that have something to do.
-fn runners(
-    rows: &[Row],
-    manifest: &Manifest,
-    open: &[FileKey],
-    device: DeviceChoice,
-    talk: Talk,
-) -> Result<Vec<Runner>> {
+fn runners(rows: &[Row], open: &[FileKey], device: DeviceChoice, talk: Talk) -> Result<Vec<Runner>> {
     let mut networks = BTreeMap::new();
     let mut runners = Vec::new();
     for (number, row) in rows.iter().enumerate() {
-        let mut network_in = |(set, plan): (usize, &SetPlan)| -> Result<Option<Network>> {
+        let mut network_in = |(set, weights): (usize, &Weights)| -> Result<Option<Network>> {
             let is_open = open.iter().any(|key| key.row == Some(number) && key.set == set);
-            let Some(path) = row.checkpoint_in(&plan.name).filter(|_| is_open) else { return Ok(None) };
-            let obstacle = row.obstacle_checkpoint.as_deref();
-            if let Some(network) = networks.get(&(path, obstacle)) {
+            let Some(path) = weights.checkpoint.clone().filter(|_| is_open) else { return Ok(None) };
+            let key = (path, row.obstacle_checkpoint.clone());
+            if let Some(network) = networks.get(&key) {
                 return Ok(Some(Network::clone(network)));
             }
-            let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
+            let network = setup::network(&key.0, key.1.as_deref(), &row.settings, device, 1, talk);
             let network = network.with_context(|| format!("row {}", row.name))?;
-            networks.insert((path, obstacle), Network::clone(&network));
+            networks.insert(key, Network::clone(&network));
             Ok(Some(network))
         };
-        let networks = manifest.sets.iter().enumerate().map(&mut network_in).collect::<Result<_>>()?;
+        let networks = row.networks.iter().enumerate().map(&mut network_in).collect::<Result<_>>()?;
         runners.push(Runner::new(row, networks));
     }
     Ok(runners)

@@ -195,41 +195,47 @@ fn a_bench_computes_again_what_no_longer_holds_and_never_becomes_smaller() {
 }
 
 #[test]
-fn a_row_may_have_a_network_for_each_data_set() {
+fn a_row_may_have_a_network_for_each_level() {
     let dir = tempfile::tempdir().unwrap();
     write_scenes(dir.path());
-    write_network(&dir.path().join("net"), 1);
-    write_network(&dir.path().join("other"), 2);
-    let row = |name: &str, rest: &str| format!("[[policies]]\nname = '{name}'\npolicy = 'nbp'\n{rest}\n");
+    write_network(&dir.path().join("nets/normal"), 1);
+    write_network(&dir.path().join("nets/hard"), 2);
+    let set = |name: &str| format!("[[data]]\nname = '{name}'\nsteps = 8\npaths = ['scenes']\n");
+    let row =
+        |name: &str, net: &str| format!("[[policies]]\nname = '{name}'\npolicy = 'nbp'\ncheckpoint = 'nets/{net}'\n");
     let config = [
-        "starts = 2\nvisible = false\nreference = 'net'\n[[data]]\nname = 'rooms'\nsteps = 8\npaths = ['scenes']\n"
-            .to_owned(),
-        "[[data]]\nname = 'more'\nsteps = 8\npaths = ['scenes']\n".to_owned(),
-        row("net", "checkpoint = 'net'"),
-        row("other", "checkpoint = 'other'"),
-        row("each", "checkpoint = 'net'\ncheckpoints = { more = 'other' }"),
+        "starts = 2\nvisible = false\nreference = 'normal'\n".to_owned(),
+        set("rooms"),
+        set("hard"),
+        set("more") + "level = 'hard'\n",
+        row("normal", "normal"),
+        row("hard", "hard"),
+        row("each", "{level}"),
     ];
     fs::write(dir.path().join("bench.toml"), config.concat()).unwrap();
-    succeeds(dir.path(), "bench --config bench.toml --out out");
+    let bench = "bench --config bench.toml --out out";
+    succeeds(dir.path(), bench);
     let walks = |set: &str, row: &str| {
         let cell = json(&dir.path().join(format!("out/cells/{set}/a/{row}.json")));
         cell["content"].as_array().unwrap().iter().map(|episode| episode["poses"].clone()).collect::<Vec<_>>()
     };
-    assert_eq!((walks("rooms", "each"), walks("more", "each")), (walks("rooms", "net"), walks("more", "other")));
-    assert_ne!(walks("more", "net"), walks("more", "other"));
+    for (set, row) in [("rooms", "normal"), ("hard", "hard"), ("more", "hard")] {
+        assert_eq!(walks(set, "each"), walks(set, row), "{set}");
+        assert_ne!(walks(set, "normal"), walks(set, "hard"), "{set}");
+    }
 
-    // Its weights count where they are used: two scenes of the row `each`, four of the row `other`.
-    write_network(&dir.path().join("other"), 3);
-    fails(dir.path(), "bench --config bench.toml --out out", 1, "has 6 files of other settings");
-    // One network for all takes its place.
-    fails(dir.path(), "bench --config bench.toml --out out --checkpoint each=net", 1, "has 6 files of other settings");
-    write_network(&dir.path().join("other"), 2);
-    fails(dir.path(), "bench --config bench.toml --out out --checkpoint each=net", 1, "has 2 files of other settings");
-    let about = dir.path().join("other/config.json");
+    // Weights count where they are used: six cells of the row `hard`, four of the row `each`.
+    write_network(&dir.path().join("nets/hard"), 3);
+    fails(dir.path(), bench, 1, "has 10 files of other settings");
+    write_network(&dir.path().join("nets/hard"), 2);
+    fails(dir.path(), &format!("{bench} --checkpoint each=nets/normal"), 1, "has 4 files of other settings");
+    fails(dir.path(), &format!("{bench} --checkpoint each=other/{{level}}"), 1, "other/hard is no checkpoint");
+    let about = dir.path().join("nets/hard/config.json");
     let text = fs::read_to_string(&about).unwrap();
     fs::write(&about, text.replace("\"pixels\": 32", "\"pixels\": 64")).unwrap();
-    let says = "row each: the checkpoint for more, other, was trained with other settings than that for the rest, net";
-    fails(dir.path(), "bench --config bench.toml --out out", 1, says);
+    fails(dir.path(), bench, 1, "row each: nets/normal was trained with other settings than nets/hard");
+    fs::write(dir.path().join("bench.toml"), config.concat().replace("level = 'hard'", "level = 'easy'")).unwrap();
+    fails(dir.path(), bench, 1, "data set more: ");
 }
 
 #[test]
