@@ -256,7 +256,7 @@ pub fn check(config: &CheckpointConfig, sim: &SimConfig) -> Result<(), Checkpoin
     if let Some((what, trained, found)) = pairs.into_iter().find(|(_, trained, found)| trained != found) {
         return mismatch(what, trained, found);
     }
-    // As many channels may mean other things. What weights from elsewhere were shown is for their owner to say.
+    // As many channels may mean other things. Without a note nobody knows; one that cannot be read is an error of `read`.
     let Ok(Some(trained)) = note::<SimConfig>(&config.meta, SIM) else { return Ok(()) };
     let values = plain(&trained.encode).and_then(|trained| Ok((trained, plain(&sim.encode)?)));
     match values.ok().and_then(|(trained, found)| difference("sim.encode", &trained, &found)) {
@@ -399,6 +399,10 @@ mod tests {
             error.contains("trained with sim.encode.trajectory \"key_poses\", but the settings have \"captures\""),
             "{error}"
         );
+        let older = serde_json::json!({"encode": {"window": {"pixels": 256, "metres": 40.0}}});
+        config.meta.insert(SIM.into(), older);
+        assert!(check(&config, &SimConfig::default()).is_ok(), "older notes say less");
+        assert!(check(&config, &sim).is_err());
         config.meta.clear();
         assert!(check(&config, &sim).is_ok(), "nobody knows");
         config.meta.insert(SIM.into(), serde_json::json!({"keeep": 0.1}));

@@ -293,7 +293,7 @@ mod tests {
             &[("Final Cov.", vec![0.6, 0.7, 0.711]), ("AUC", vec![0.5, 0.52, 0.55])],
         );
         assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (2, 6));
-        assert!(svg.contains("Final Cov. 0.711") && svg.contains("minutes of training") && svg.contains(">40</text>"));
+        assert!(svg.contains("Final Cov. 0.711") && svg.contains("minutes of training") && svg.contains(">35</text>"));
         assert!(learning_curve("empty", &[], &[]).ends_with("</svg>\n"));
     }
 

@@ -54,6 +54,12 @@ fn a_run_leaves_a_table_a_checkpoint_and_its_record() {
     let events = fs::read_dir(run_folder.join("tb")).unwrap().next().unwrap().unwrap().path();
     assert!(fs::metadata(events).unwrap().len() > 10_000, "scalars and pictures");
 
+    // The resolved configuration serves the other program, too.
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    succeed("dataset", &["generate", "--level", "simple", "--count", "1", "--seed", "3", "--out", &path("maps")]);
+    let eval = ["eval", "--scenes", &path("maps"), "--config", &path("run/config.toml"), "--out", &path("out")];
+    assert!(succeed("infer", &[&eval[..], &["--policies", "fbe"]].concat()).contains("fbe"));
+
     let (code, again, talk) = run("train", &[SMOKE, &["--run", run_folder.to_str().unwrap()]].concat());
     assert_eq!((code, again), (0, table));
     assert!(talk.contains("complete"), "{talk}");
@@ -81,9 +87,10 @@ fn values_of_looks_are_learnt_and_walks_choose_the_best_weights() {
         "policy.sweeps=true",
         "train.schedule=cosine",
         "train.iterations=3",
+        "eval.published=false",
     ];
     let table = train(&run_folder, &settings.map(|setting| ["--set", setting]).concat());
-    assert!(table.contains("nbp"), "{table}");
+    assert!(table.contains("nbp") && !table.contains("published"), "{table}");
     let curve = fs::read_to_string(run_folder.join("learning-curve.csv")).unwrap();
     let rows: Vec<Vec<f64>> =
         curve.lines().skip(1).map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
@@ -109,7 +116,8 @@ fn a_run_may_begin_with_the_weights_of_another() {
     // So small a step moves no weight: all but the running statistics of batch norm stays.
     let still = ["--set", "optim.lr=1e-30", "--set", "train.iterations=1"];
     train(&second, &[&still[..], &["--set", &init]].concat());
-    train(&third, &still);
+    let table = train(&third, &[&still[..], &["--set", "sim.captures=3"]].concat());
+    assert!(!table.contains("published"), "it has four captures a step, and walks no other episodes: {table}");
     let kept = |run: &Path| {
         let (ours, theirs) = (weights(run, "last"), weights(&first, "last"));
         let pairs = ours.chunks_exact(4).zip(theirs.chunks_exact(4));

@@ -59,8 +59,8 @@ pub struct DataConfig {
     pub name: String,
     /// Steps of an episode (paper: 100, 200, 400, 500 from Simple to Insane).
     pub steps: usize,
-    /// For which of the paper's levels the networks of [`LEVEL`] are: simple, normal, hard or insane. If left out, that of `generate`,
-    /// the one that the data set is called after, or else normal.
+    /// What [`LEVEL`] in a row's checkpoint stands for on this data set: simple, normal, hard or insane. If left out, the level of
+    /// `generate`, or the one that the data set is called after.
     pub level: Option<String>,
     /// Maps made from seeds.
     pub generate: Option<Generate>,
@@ -185,12 +185,27 @@ fn wrong<T>(message: impl Into<String>) -> Result<T, ConfigError> {
     Err(ConfigError::Wrong(message.into()))
 }
 
+/// A path with the level of a data set in it, if it asks for one.
+fn on_level(path: &Path, set: &DataConfig) -> Result<PathBuf, ConfigError> {
+    match (path.to_str().filter(|text| text.contains(LEVEL)), set.level()) {
+        (None, _) => Ok(path.to_owned()),
+        (Some(text), Some(level)) => Ok(text.replace(LEVEL, level).into()),
+        (Some(text), None) => wrong(format!(
+            "{text} is a network for each level, and data set {} has none: give it one in the configuration (level = \"normal\") or \
+             the row one network (--checkpoint ROW=DIR)",
+            set.name
+        )),
+    }
+}
+
 impl RowConfig {
-    /// Its checkpoint for a data set, as far as it names one.
-    pub fn checkpoint_for(&self, set: &DataConfig) -> Option<PathBuf> {
-        let with_level =
-            |path: &PathBuf| path.to_str().map_or(path.clone(), |text| text.replace(LEVEL, set.level()).into());
-        self.checkpoint.as_ref().map(with_level)
+    /// Its checkpoint and the one of its obstacle map on a data set, as far as it names them.
+    ///
+    /// # Errors
+    /// When they are of a level, and the data set of none.
+    pub fn checkpoints_on(&self, set: &DataConfig) -> Result<[Option<PathBuf>; 2], ConfigError> {
+        let on = |path: &Option<PathBuf>| path.as_ref().map(|path| on_level(path, set)).transpose();
+        Ok([on(&self.checkpoint)?, on(&self.obstacle_checkpoint)?])
     }
 
     /// Its kind of policy.
@@ -237,7 +252,10 @@ impl BenchConfig {
             let paths: Vec<String> = paths.iter().map(here).collect();
             match self.data.iter_mut().find(|set| set.name == *name) {
                 Some(set) if is_more => set.paths.extend(paths),
-                Some(set) => (set.generate, set.paths) = (None, paths),
+                Some(set) => {
+                    set.level = set.level().map(str::to_owned);
+                    (set.generate, set.paths) = (None, paths);
+                }
                 None => self.data.push(DataConfig { name: name.clone(), paths, ..DataConfig::default() }),
             }
         }
@@ -255,7 +273,8 @@ impl BenchConfig {
         for (name, path) in &choices.checkpoints {
             known("row", name.as_slice(), &names)?;
             // Without a name, for the rows of its network; if there are none, for all, which will say so.
-            let architecture = checkpoint::architecture(path).ok();
+            let one = self.data.iter().find_map(|set| on_level(path, set).ok());
+            let architecture = one.and_then(|path| checkpoint::architecture(&path).ok());
             let asks = |row: &RowConfig| row.kind().is_ok_and(|kind| kind.architecture() == architecture.as_deref());
             let is_asked = architecture.is_some() && self.policies.iter().any(asks);
             for row in &mut self.policies {
@@ -322,11 +341,11 @@ pub enum Origin {
 }
 
 impl DataConfig {
-    /// Its place in the folder of a row's networks.
-    pub fn level(&self) -> &str {
+    /// What it stands in for [`LEVEL`], if anything does.
+    pub fn level(&self) -> Option<&str> {
         let generated = self.generate.as_ref().map(|generate| &generate.level);
         let named = Some(&self.name).filter(|name| name.parse::<Level>().is_ok());
-        self.level.as_ref().or(generated).or(named).map_or("normal", String::as_str)
+        self.level.as_ref().or(generated).or(named).map(String::as_str)
     }
 
     /// Figures must be shares, and those of `rows` where these are known.
@@ -351,7 +370,7 @@ impl DataConfig {
             return wrong(format!("data set {set}: steps are missing or 0 (steps = 100, or --steps {set}=100)"));
         }
         check_count(&format!("data set {set}: steps"), self.steps, MOST_STEPS)?;
-        self.level().parse::<Level>().map_err(|reason| format!("data set {set}: {reason}"))?;
+        self.level().map(str::parse::<Level>).transpose().map_err(|reason| format!("data set {set}: {reason}"))?;
         let chooses = !self.only.is_empty() || self.drop_last > 0 || self.last.is_some();
         match &self.generate {
             Some(_) if chooses => wrong(format!(

@@ -25,8 +25,6 @@ pub struct Row {
     pub settings: Settings,
     /// Where its network is from, as given.
     pub checkpoint: Option<PathBuf>,
-    /// Where its obstacle map is from, if from another network.
-    pub obstacle_checkpoint: Option<PathBuf>,
     /// Its network in each data set, in their order.
     pub networks: Vec<Weights>,
 }
@@ -36,13 +34,15 @@ pub struct Row {
 pub struct Weights {
     /// Where it is from; nowhere for policies that ask none.
     pub checkpoint: Option<PathBuf>,
+    /// Where its obstacle map is from, if from another network.
+    pub obstacle_checkpoint: Option<PathBuf>,
     hash: u64,
 }
 
 impl Weights {
     /// Of where they are from and their bytes, which are none for policies that ask no network.
-    pub fn new(checkpoint: Option<PathBuf>, bytes: &[u8]) -> Self {
-        Self { checkpoint, hash: hash(bytes) }
+    pub fn new((checkpoint, obstacle_checkpoint): (Option<PathBuf>, Option<PathBuf>), bytes: &[u8]) -> Self {
+        Self { checkpoint, obstacle_checkpoint, hash: hash(bytes) }
     }
 }
 

@@ -15,10 +15,10 @@ use nbp_infer::bench::plan::{self, DataSet, Row, Survey, Terms, Weights};
 use nbp_infer::bench::run::{self, Measures, Place, Runner};
 use nbp_infer::bench::store::{self, BenchError, FileKey};
 use nbp_infer::bench::{BenchResult, Manifest, tables};
-use nbp_infer::registry::Network;
 use nbp_infer::{PolicyKind, Settings, checkpoint, report, source};
 use nbp_model::{CheckpointConfig, DeviceChoice};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,7 +65,7 @@ pub(super) struct Args {
     /// Row that the others are compared with
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
-    /// Checkpoint of a row, or of all rows that ask the network of nbp
+    /// Checkpoint of a row, or of all rows that ask the network of nbp; {level} in it stands for that of each data set
     #[arg(long, value_name = "[ROW=]DIR", value_parser = maybe_named::<PathBuf>)]
     checkpoint: Vec<(Option<String>, PathBuf)>,
     /// Steps of an episode, on one data set or on all
@@ -220,15 +220,18 @@ fn resolve(row: &RowConfig, config: &BenchConfig) -> Result<Row> {
             bail!("policy {kind} asks for no obstacle map: leave obstacle_checkpoint out");
         }
         let published = kind.architecture().map(checkpoint::published);
-        let path_for = |set| row.checkpoint_for(set).or_else(|| published.clone());
-        let paths: Vec<Option<PathBuf>> = config.data.iter().map(path_for).collect();
-        let distinct: BTreeSet<&PathBuf> = paths.iter().flatten().collect();
-        let found = distinct.into_iter().map(|path| Ok((path, Found::read(row, kind, path)?)));
-        let found = found.collect::<Result<BTreeMap<&PathBuf, Found>>>()?;
+        let places = |set| row.checkpoints_on(set).map(|[net, obstacle]| (net.or_else(|| published.clone()), obstacle));
+        let places = config.data.iter().map(places).collect::<Result<Vec<_>, _>>()?;
+        let mut found = BTreeMap::new();
+        for place in &places {
+            if let ((Some(path), obstacle), false) = (place, found.contains_key(place)) {
+                found.insert(place, Found::read(kind, path, obstacle.as_deref())?);
+            }
+        }
         let first = found.first_key_value();
         let mut settings = first.map(|(_, first)| first.settings.clone()).unwrap_or_default();
-        let is_other = |(_, found): &(&&PathBuf, &Found)| found.settings != settings;
-        if let (Some((first, _)), Some((other, _))) = (first, found.iter().find(is_other)) {
+        let other = found.iter().find(|(_, found)| found.settings != settings);
+        if let (Some(((Some(first), _), _)), Some(((Some(other), _), _))) = (first, other) {
             let (first, other) = (first.display(), other.display());
             bail!("{other} was trained with other settings than {first}, so they are not one row: make them two");
         }
@@ -240,15 +243,14 @@ fn resolve(row: &RowConfig, config: &BenchConfig) -> Result<Row> {
         settings.nbv.validate().context("nbv")?;
         let mut trained = found.values().flat_map(|found| &found.trained);
         trained.try_for_each(|trained| checkpoint::check(trained, &settings.sim))?;
-        let bytes = |path| found.get(path).map_or(&[][..], |found| &found.weights);
-        let networks = paths.iter().map(|path| Weights::new(path.clone(), path.as_ref().map_or(&[], bytes))).collect();
+        let bytes = |place| found.get(place).map_or(&[][..], |found| &found.weights);
+        let networks = places.iter().map(|place| Weights::new(place.clone(), bytes(place))).collect();
         Ok(Row {
             name: row.name.clone(),
             kind,
             seeds: row.seeds,
             settings,
             checkpoint: row.checkpoint.clone().or(published),
-            obstacle_checkpoint: row.obstacle_checkpoint.clone(),
             networks,
         })
     };
@@ -264,12 +266,12 @@ struct Found {
 }
 
 impl Found {
-    fn read(row: &RowConfig, kind: PolicyKind, path: &Path) -> Result<Self> {
+    fn read(kind: PolicyKind, path: &Path, obstacle: Option<&Path>) -> Result<Self> {
         let architecture = kind.architecture().unwrap_or_default();
         let read = |path| checkpoint::read_as(architecture, path).context("cannot use the checkpoint");
         let (maps, settings) = read(path)?;
         let (mut trained, mut weights) = (Vec::from_iter(maps), checkpoint::bytes(path)?);
-        if let Some(path) = &row.obstacle_checkpoint {
+        if let Some(path) = obstacle {
             trained.extend(read(path)?.0);
             weights.extend(checkpoint::bytes(path)?);
         }
@@ -383,20 +385,24 @@ fn runners(rows: &[Row], open: &[FileKey], device: DeviceChoice, talk: Talk) -> 
     let mut networks = BTreeMap::new();
     let mut runners = Vec::new();
     for (number, row) in rows.iter().enumerate() {
-        let mut network_in = |(set, weights): (usize, &Weights)| -> Result<Option<Network>> {
+        let mut of_sets = Vec::new();
+        for (set, weights) in row.networks.iter().enumerate() {
             let is_open = open.iter().any(|key| key.row == Some(number) && key.set == set);
-            let Some(path) = weights.checkpoint.clone().filter(|_| is_open) else { return Ok(None) };
-            let key = (path, row.obstacle_checkpoint.clone());
-            if let Some(network) = networks.get(&key) {
-                return Ok(Some(Network::clone(network)));
-            }
-            let network = setup::network(&key.0, key.1.as_deref(), &row.settings, device, 1, talk);
-            let network = network.with_context(|| format!("row {}", row.name))?;
-            networks.insert(key, Network::clone(&network));
-            Ok(Some(network))
-        };
-        let networks = row.networks.iter().enumerate().map(&mut network_in).collect::<Result<_>>()?;
-        runners.push(Runner::new(row, networks));
+            let (Some(path), true) = (&weights.checkpoint, is_open) else {
+                of_sets.push(None);
+                continue;
+            };
+            let obstacle = weights.obstacle_checkpoint.as_deref();
+            let network = match networks.entry((path, obstacle)) {
+                Entry::Occupied(network) => network.into_mut(),
+                Entry::Vacant(place) => {
+                    let network = setup::network(path, obstacle, &row.settings, device, 1, talk);
+                    place.insert(network.with_context(|| format!("row {}", row.name))?)
+                }
+            };
+            of_sets.push(Some(network.clone()));
+        }
+        runners.push(Runner::new(row, of_sets));
     }
     Ok(runners)
 }

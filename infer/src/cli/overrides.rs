@@ -16,6 +16,9 @@ pub(super) struct EvalSection {
     pub(super) policies: Option<Vec<PolicyKind>>,
     pub(super) steps: Option<usize>,
     pub(super) starts: Option<usize>,
+    /// Of training alone, which has no rows to choose from at its end.
+    #[serde(rename = "published")]
+    _published: Option<bool>,
 }
 
 /// Settings with files stacked left to right and `KEY=VALUE` overrides applied in order.

@@ -207,8 +207,9 @@ pub(super) fn network(
     ));
     let value: Arc<dyn Predictor> = Arc::new(loaded.predictor.with_chunk(batch));
     let Some(path) = obstacle else { return Ok(Network::Maps(value)) };
+    let about = checkpoint::read(path).context("cannot use the obstacle checkpoint")?.0;
+    checkpoint::check(&about, &settings.sim).context("cannot use the obstacle checkpoint")?;
     let obstacle = checkpoint::load(path, device).context("cannot use the obstacle checkpoint")?;
-    checkpoint::check(&obstacle.config, &settings.sim)?;
     Ok(Network::Maps(Arc::new(Paired { value, obstacle: Arc::new(obstacle.predictor.with_chunk(batch)) })))
 }
 

@@ -205,7 +205,7 @@ fn a_row_may_have_a_network_for_each_level() {
         |name: &str, net: &str| format!("[[policies]]\nname = '{name}'\npolicy = 'nbp'\ncheckpoint = 'nets/{net}'\n");
     let config = [
         "starts = 2\nvisible = false\nreference = 'normal'\n".to_owned(),
-        set("rooms"),
+        set("rooms") + "level = 'normal'\n",
         set("hard"),
         set("more") + "level = 'hard'\n",
         row("normal", "normal"),
@@ -229,13 +229,30 @@ fn a_row_may_have_a_network_for_each_level() {
     fails(dir.path(), bench, 1, "has 10 files of other settings");
     write_network(&dir.path().join("nets/hard"), 2);
     fails(dir.path(), &format!("{bench} --checkpoint each=nets/normal"), 1, "has 4 files of other settings");
-    fails(dir.path(), &format!("{bench} --checkpoint each=other/{{level}}"), 1, "other/hard is no checkpoint");
+    fails(dir.path(), &format!("{bench} --checkpoint each=other/{{level}}"), 1, "other/normal is no checkpoint");
+    // Without a row, for all rows of its architecture: `hard` has another network in `rooms`, `normal` in the other two.
+    fails(dir.path(), &format!("{bench} --checkpoint nets/{{level}}"), 1, "has 6 files of other settings");
+    fails(
+        dir.path(),
+        &format!("{bench} --data new=scenes --steps new=8"),
+        1,
+        "row each: nets/{level} is a network for each level",
+    );
     let about = dir.path().join("nets/hard/config.json");
     let text = fs::read_to_string(&about).unwrap();
     fs::write(&about, text.replace("\"pixels\": 32", "\"pixels\": 64")).unwrap();
     fails(dir.path(), bench, 1, "row each: nets/normal was trained with other settings than nets/hard");
-    fs::write(dir.path().join("bench.toml"), config.concat().replace("level = 'hard'", "level = 'easy'")).unwrap();
-    fails(dir.path(), bench, 1, "data set more: ");
+    for (from, to, says) in [
+        ("level = 'hard'", "level = 'easy'", "data set more: \"easy\" is no level"),
+        (
+            "checkpoint = 'nets/{level}'",
+            "obstacle_checkpoint = 'none/{level}'",
+            "row each: cannot use the checkpoint: none/normal",
+        ),
+    ] {
+        fs::write(dir.path().join("bench.toml"), config.concat().replace(from, to)).unwrap();
+        fails(dir.path(), bench, 1, says);
+    }
 }
 
 #[test]
